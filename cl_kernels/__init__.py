@@ -1,0 +1,1 @@
+"""OpenCL C sources of clvox: one folder per operation, headers that they share in `common`."""
