@@ -1,0 +1,74 @@
+"""Which cells, or voxels, some triangle touches: `cl_kernels/boundary`."""
+
+from __future__ import annotations
+
+import numpy as np
+import pyopencl.array as cla
+
+from clvox.device import Session
+from clvox.grid import Shape
+from clvox.ops.facets import Facets, Progress, visit_facets
+from clvox.ops.layout import Cells, cell_shape, int4, words_for
+
+_FILE = "boundary/mark_cells.cl"
+_CELLS, _VOXELS = 0, 1
+
+DIRECT = 64
+"""Most columns of cells of a triangle that one work-item does alone."""
+
+TILE = 16
+"""Side of a tile of columns."""
+
+
+def mark_cells(
+    session: Session,
+    facets: Facets,
+    bits: int,
+    shape: Shape,
+    brick: Shape,
+    *,
+    progress: Progress | None = None,
+    direct: int = DIRECT,
+    tile: int = TILE,
+) -> cla.Array:
+    """Return a bit for each cell of *brick* voxels: does a triangle touch the closed cell?
+
+    The result is (Nz, Ny, words) uint32, bits along x.
+    """
+    cells = cell_shape(shape, brick)
+    marks = session.zeros((cells[2], cells[1], words_for(cells[0])), np.uint32)
+    defines = _defines(bits, brick, _CELLS, direct, tile)
+    sink = (marks,)
+    visit_facets(
+        session, _FILE, "mark", facets, int4(cells), sink, progress=progress, **defines
+    )
+    return marks
+
+
+def mark_voxels(
+    session: Session,
+    facets: Facets,
+    bits: int,
+    shape: Shape,
+    cells: Cells,
+    *,
+    progress: Progress | None = None,
+    direct: int = DIRECT,
+    tile: int = TILE,
+) -> cla.Array:
+    """Return a bit for each voxel of each brick: does a triangle touch the closed voxel?
+
+    The result is laid out like the bricks; bits of the padding are zero.
+    """
+    marks = session.zeros((cells.count, cells.brick_words), np.uint32)
+    defines = _defines(bits, (1, 1, 1), _VOXELS, direct, tile) | cells.defines
+    sink = cells.shape4, cells.boundary, cells.rank, marks
+    visit_facets(
+        session, _FILE, "mark", facets, int4(shape), sink, progress=progress, **defines
+    )
+    return marks
+
+
+def _defines(bits: int, cell: Shape, sink: int, direct: int, tile: int) -> dict[str, int]:
+    sides = dict(zip(("CELL_X", "CELL_Y", "CELL_Z"), cell, strict=True))
+    return {"STEP_BITS": bits, "SINK": sink, "DIRECT": direct, "TILE": tile, **sides}
