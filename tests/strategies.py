@@ -279,7 +279,7 @@ def adversarial_meshes(
     shape: Shape = (9, 8, 7),
     families: Iterable[str] = FAMILIES,
 ) -> list[Mesh]:
-    """Return *count* closed, oriented meshes, the same for the same *seed*; all families in turn."""
+    """Return *count* meshes, of each family in turn, and the same for the same *seed*."""
     source = Seeded(np.random.default_rng(seed), bits, shape)
     names = list(families)
     return [any_mesh(source, [names[i % len(names)]]) for i in range(count)]

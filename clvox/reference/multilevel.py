@@ -168,7 +168,7 @@ def pack_bricks(bricks: NDArray[np.bool_]) -> NDArray[np.uint32]:
 
 
 def rank(words: ArrayLike) -> NDArray[np.uint32]:
-    """Return how many bits are set before each block of `RANK_BITS` bits; ceil(words / 8) uint32."""
+    """Return how many bits are set before each block of `RANK_BITS`; (ceil(words / 8),) uint32."""
     counts = [word.bit_count() for word in np.asarray(words).ravel().tolist()]
     per_block = RANK_BITS // 32
     blocks = [sum(counts[start : start + per_block]) for start in range(0, len(counts), per_block)]
