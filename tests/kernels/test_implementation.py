@@ -37,9 +37,13 @@ FAULTS = {
     ),
     "race": ("out[0] = get_global_id(0);", "Write-write data race"),
     "race in local memory": (
-        "__local int s[9]; const int i = get_local_id(0); s[i] = i; s[i + 1] = i;"
-        "out[get_global_id(0)] = s[i];",
-        "data race at local memory",
+        "__local int s[8]; const int i = get_local_id(0); s[i] = i;"
+        "barrier(CLK_LOCAL_MEM_FENCE); s[i] = s[(i + 1) % 8] + 1; out[get_global_id(0)] = s[i];",
+        "Read-write data race at local memory",
+    ),
+    "barrier that some skip": (
+        "if (get_local_id(0) > 0) barrier(CLK_LOCAL_MEM_FENCE); out[get_global_id(0)] = 1;",
+        "Work-group divergence detected (barrier)",
     ),
     "uninitialised buffer": (
         "if (out[get_global_id(0)] > 3) out[get_global_id(0)] = 1;",
