@@ -101,7 +101,12 @@ def run(name: str, arguments: list[str]) -> bool:
     print(f"\n{name}: {' '.join(command[1:])}", flush=True)
     closing = "pytest did not come to its end"
     with subprocess.Popen(
-        command, cwd=ROOT, env=variables, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, text=True
+        command,
+        cwd=ROOT,
+        env=variables,
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        text=True,
     ) as process:
         assert process.stdout is not None
         for line in process.stdout:
@@ -133,7 +138,8 @@ def main() -> int:
     if not options.closing:
         names = [options.implementation] if options.implementation else list(IMPLEMENTATIONS)
         # All of them run, whatever the first ones find: a failure on one device only says much.
-        well = all([run(name, options.arguments) for name in names])
+        outcomes = [run(name, options.arguments) for name in names]
+        well = all(outcomes)
         print()
     print_closing_lines()
     return 0 if well else 1

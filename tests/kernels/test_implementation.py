@@ -37,8 +37,12 @@ FAULTS = {
     ),
     "race": ("out[0] = get_global_id(0);", "Write-write data race"),
     "race in local memory": (
-        "__local int s[8]; const int i = get_local_id(0); s[i] = i;"
-        "barrier(CLK_LOCAL_MEM_FENCE); s[i] = s[(i + 1) % 8] + 1; out[get_global_id(0)] = s[i];",
+        """__local int s[8];
+        const int i = get_local_id(0);
+        s[i] = i;
+        barrier(CLK_LOCAL_MEM_FENCE);
+        s[i] = s[(i + 1) % 8] + 1;
+        out[get_global_id(0)] = s[i];""",
         "Read-write data race at local memory",
     ),
     "barrier that some skip": (
