@@ -39,7 +39,7 @@ bench: .venv/.bench ## Time clvox beside its peers
 	$(BIN)/python -m benchmarks
 
 clean: ## Remove everything that make has made
-	rm -rf .venv .cache build dist demo docs/_build docs/api/generated *.egg-info
+	rm -rf .venv .cache build dist demo docs/_build *.egg-info
 	rm -rf .mypy_cache .pytest_cache .ruff_cache .hypothesis .import_linter_cache
 
 .venv/.created:
