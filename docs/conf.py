@@ -29,7 +29,7 @@ myst_heading_anchors = 3
 autodoc_typehints = "none"
 autodoc_member_order = "bysource"
 numpydoc_show_class_members = False
-# Public names have docstrings, with sections in numpydoc's order and no parameter that is not there.
+# Public names have docstrings: sections in the usual order, no parameter that does not exist.
 numpydoc_validation_checks = {"GL07", "GL08", "PR02", "PR03"}
 
 doctest_test_doctest_blocks = "default"
