@@ -120,11 +120,11 @@ def run(name: str, arguments: list[str]) -> bool:
     return process.returncode == 0 and not reports
 
 
-def print_closing_lines() -> None:
-    """Print pytest's closing line of each last run, under the name of its implementation."""
-    for name, chosen in IMPLEMENTATIONS.items():
-        if closing_file(name).exists():
-            print(f"{name} ({chosen.platform}):\n{closing_file(name).read_text()}", end="")
+def print_closing_lines(names: list[str]) -> None:
+    """Print pytest's closing line of the last run on each implementation, below its name."""
+    for name in names:
+        line = closing_file(name).read_text() if closing_file(name).exists() else "not run\n"
+        print(f"{name} ({IMPLEMENTATIONS[name].platform}):\n{line}", end="")
 
 
 def main() -> int:
@@ -134,14 +134,14 @@ def main() -> int:
     parser.add_argument("--closing", action="store_true", help="print the last closing lines only")
     parser.add_argument("arguments", nargs="*", help="for pytest, after --")
     options = parser.parse_args()
+    names = [options.implementation] if options.implementation else list(IMPLEMENTATIONS)
     well = True
     if not options.closing:
-        names = [options.implementation] if options.implementation else list(IMPLEMENTATIONS)
         # All of them run, whatever the first ones find: a failure on one device only says much.
         outcomes = [run(name, options.arguments) for name in names]
         well = all(outcomes)
         print()
-    print_closing_lines()
+    print_closing_lines(names)
     return 0 if well else 1
 
 
