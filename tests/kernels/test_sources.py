@@ -54,11 +54,12 @@ def test_kernel_is_free_of_double(name: str) -> None:
 
 @pytest.mark.parametrize("name", [name for name in SOURCES if name.endswith(".cl")])
 def test_kernel_says_where_its_relatives_are(name: str) -> None:
-    """Host, twin and tests are named in its header, and are there."""
+    """Host, twin and tests are named in its header, and are there; NumPy may be the twin."""
     for label in ("Host", "Reference", "Tests"):
-        match = re.search(rf"^ \* {label}: +([\w/]+\.py)", SOURCES[name], re.MULTILINE)
+        match = re.search(rf"^ \* {label}: +([^\s,]+)", SOURCES[name], re.MULTILINE)
         assert match, f"{name} has no line '{label}:'"
-        assert (ROOT / match[1]).is_file(), f"{name} names {match[1]}, which is not there"
+        known = (ROOT / match[1]).is_file() or match[1].startswith("numpy.")
+        assert known, f"{name} names {match[1]}, which is not there"
 
 
 def test_no_inexact_arithmetic_is_asked_for() -> None:
