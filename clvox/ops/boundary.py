@@ -12,6 +12,7 @@ from clvox.ops.layout import Cells, cell_shape, int4, words_for
 
 _FILE = "boundary/mark_cells.cl"
 _CELLS, _VOXELS = 0, 1
+_FLAT_RUN = 256
 
 DIRECT = 64
 """Most columns of cells of a triangle that one work-item does alone."""
@@ -72,3 +73,15 @@ def mark_voxels(
 def _defines(bits: int, cell: Shape, sink: int, direct: int, tile: int) -> dict[str, int]:
     sides = dict(zip(("CELL_X", "CELL_Y", "CELL_Z"), cell, strict=True))
     return {"STEP_BITS": bits, "SINK": sink, "DIRECT": direct, "TILE": tile, **sides}
+
+
+def count_flat(session: Session, facets: Facets) -> int:
+    """Return the number of triangles without area on the lattice."""
+    count = facets.faces.shape[0]
+    if count == 0:
+        return 0
+    parts = -(-count // _FLAT_RUN)
+    counts = session.empty(parts, np.uint32)
+    kernel = session.kernel("boundary/count_flat.cl", "count_flat", RUN=_FLAT_RUN)
+    session.run(kernel, parts, np.uint64(count), facets.faces, facets.vertices, counts)
+    return int(counts.get().sum(dtype=np.uint64))

@@ -10,6 +10,7 @@ import pyopencl.array as cla
 from pyopencl.cltypes import make_int2, make_int4
 
 from clvox.device import Session
+from clvox.device.session import Argument
 from clvox.grid import Shape
 
 
@@ -100,3 +101,46 @@ def cell_shape(shape: Shape, brick: Shape) -> Shape:
     """Cells along each axis that hold *shape* voxels."""
     x, y, z = (-(-count // side) for count, side in zip(shape, brick, strict=True))
     return x, y, z
+
+
+@dataclass(frozen=True)
+class VoxelArrays:
+    """A model's arrays on the device.
+
+    shape: voxels (x, y, z).  With two levels, `cells` and `inside` (bits like `cells.boundary`)
+    are there and `voxels` are bricks, (count, brick words); with one level `voxels` is the dense
+    grid of bits, (nz, ny, words).
+    """
+
+    shape: Shape
+    voxels: cla.Array
+    cells: Cells | None = None
+    inside: cla.Array | None = None
+
+    @property
+    def levels(self) -> tuple[Shape, ...]:
+        """Shape of the coarse grid and of the bricks; of the dense grid alone if there are none."""
+        return (self.shape,) if self.cells is None else (self.cells.shape, self.cells.brick)
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes on the device."""
+        arrays = [self.voxels]
+        if self.cells is not None and self.inside is not None:
+            arrays += [self.cells.boundary, self.cells.rank, self.inside]
+        return sum(array.nbytes for array in arrays)
+
+    @property
+    def defines(self) -> dict[str, int]:
+        """What kernels that read a model (`common/model.h`) are built with."""
+        if self.cells is None:
+            return {"LEVELS": 1}
+        return {"LEVELS": 2, **self.cells.defines}
+
+    def arguments(self, edge: cla.Array | None = None) -> tuple[Argument, ...]:
+        """What kernels that read a model take: MODEL_PARAMETERS of `common/model.h`."""
+        none = self.voxels if edge is None else edge
+        if self.cells is None or self.inside is None:
+            return int4(self.shape), none, none, none, self.voxels, none
+        cells = self.cells
+        return cells.shape4, cells.boundary, self.inside, cells.rank, self.voxels, none
