@@ -10,7 +10,7 @@ shows why the copies fit together.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
 from typing import Any, TypeAlias
@@ -28,10 +28,9 @@ Read: TypeAlias = Callable[[Shape, Shape], NDArray[Any]]
 LEVEL = 0.55
 """Where scikit-image cuts samples of 0 and 1.
 
-Above one half, a square of samples that is in on one diagonal and out on the other joins its
-out-corners, whichever cube looks at it: the solid is 6-connected, and neighbours agree.  At one
-half Lewiner's tests tie, and puts vertices into cubes.  Between 0.5 and 0.55 nothing changes;
-far above, his test of the cube's middle would.
+A square of samples that is in on one diagonal and out on the other has one half in its middle.
+Above one half the middle is out, whichever cube looks at it: the solid is 6-connected, and
+neighbours agree.  At one half the tests tie.  Any level between 0.5 and 1 gives these triangles.
 """
 
 BLOCK = 64
@@ -175,7 +174,9 @@ def _samples(grid: Grid, read: Read, box: _Box) -> NDArray[np.uint8]:
     voxels = read((starts[0], starts[1], starts[2]), (stops[0], stops[1], stops[2]))
     shape = tuple(stop - start for start, stop in zip(starts[::-1], stops[::-1], strict=True))
     if voxels.shape != shape:
-        raise GridError(f"read({starts}, {stops}) must return the shape {shape}, got {voxels.shape}")
+        raise GridError(
+            f"read({starts}, {stops}) must return the shape {shape}, got {voxels.shape}"
+        )
     samples = np.zeros([stop - start + 1 for start, stop in box[::-1]], dtype=np.bool_)
     x, y, z = (
         slice(first - (start - 1), stop - (start - 1))
@@ -224,26 +225,34 @@ class _Weld:
         numbers[edges] = np.arange(first, first + len(edges), dtype=np.int32)
 
         table = _table()
-        z, y, x = np.unravel_index(where, cubes.shape)
+        places = np.unravel_index(where, cubes.shape)
         case = cubes.ravel()[where]
         count = table.count[case]
         owner = np.repeat(np.arange(len(where)), count)
         row = np.arange(len(owner)) + (table.start[case] - (np.cumsum(count) - count))[owner]
+        corner = np.ravel_multi_index(places, samples.shape)
         strides = np.array([samples.size, samples[0].size, samples.shape[2], 1])
-        corner = np.ravel_multi_index((z, y, x), samples.shape)
-        self.layer_faces.append(
-            numbers[corner[owner][:, None] + (table.edges @ strides)[table.triangles[row]]]
-        )
-        (x0, _), (y0, _), (z0, _) = box
-        self.layer_cubes.append((((z + z0) * self.sides[1] + y + y0) * self.sides[0] + x + x0)[owner])
+        offset = (table.edges @ strides)[table.triangles[row]]
+        self.layer_faces.append(numbers[corner[owner][:, None] + offset])
 
+        starts = [start for start, _ in box]
+        self.layer_cubes.append(self._keys(places, starts)[owner])
         axis, z, y, x = np.unravel_index(edges, crossed.shape)
-        for a, (along, start) in enumerate(((x, x0), (y, y0), (z, z0))):
-            along += start
-            along *= 2
-            along += axis == a
-        self.layer_keys.append((z * self.sides[1] + y) * self.sides[0] + x)
+        self.layer_keys.append(self._keys((z, y, x), starts, axis))
         self.layer_count += len(edges)
+
+    def _keys(
+        self,
+        places: Sequence[NDArray[np.intp]],
+        starts: Sequence[int],
+        axis: NDArray[np.intp] | int = -1,
+    ) -> NDArray[np.int64]:
+        """The keys of the samples at *places* (z, y, x) of a box, moved half-way along *axis*."""
+        z, y, x = (
+            2 * (places[2 - a].astype(np.int64) + starts[a]) + (axis == a) for a in (2, 1, 0)
+        )
+        keys: NDArray[np.int64] = (z * self.sides[1] + y) * self.sides[0] + x
+        return keys
 
     def close(self, stop: int) -> None:
         """End a layer whose cubes reach to sample *stop*."""
@@ -255,6 +264,7 @@ class _Weld:
             np.not_equal(keys[1:], keys[:-1], out=new[1:])
             keys = keys[new]
             wide = self.base + len(keys) > np.iinfo(np.int32).max
+            numbers: NDArray[np.integer[Any]]
             numbers = np.empty(len(order), dtype=np.int64 if wide else np.int32)
             numbers[order] = np.cumsum(new) + (self.base - 1)
             cubes = np.argsort(np.concatenate(self.layer_cubes), kind="stable")
@@ -287,9 +297,11 @@ class _Weld:
 
 def _cases(samples: NDArray[np.uint8]) -> NDArray[np.uint8]:
     """The eight bits of each cube: bit 4 dz + 2 dy + dx is sample (z + dz, y + dy, x + dx)."""
-    bits = samples[:, :, :-1] | (samples[:, :, 1:] << 1)
-    bits = bits[:, :-1] | (bits[:, 1:] << 2)
-    return bits[:-1] | (bits[1:] << 4)
+    one, two, four = np.uint8(1), np.uint8(2), np.uint8(4)
+    pairs = samples[:, :, :-1] | (samples[:, :, 1:] << one)
+    squares = pairs[:, :-1] | (pairs[:, 1:] << two)
+    cubes: NDArray[np.uint8] = squares[:-1] | (squares[1:] << four)
+    return cubes
 
 
 @dataclass(frozen=True)
@@ -314,7 +326,9 @@ def _table() -> _Table:
         faces = np.empty((0, 3), dtype=np.intp)
         if case not in (0, 255):
             samples = np.array([case >> bit & 1 for bit in range(8)], dtype=np.float32)
-            vertices, faces, _, _ = marching_cubes(samples.reshape(2, 2, 2), LEVEL)
+            vertices, faces, _, _ = marching_cubes(  # type: ignore[no-untyped-call]
+                samples.reshape(2, 2, 2), LEVEL
+            )
             # Back to the middle of the edge: twice 0.45 or 0.55 is 1.
             twice = np.rint(2 * vertices).astype(np.intp)
             numbers = np.array([places.setdefault(tuple(at), len(places)) for at in twice.tolist()])
