@@ -283,15 +283,16 @@ class _Weld:
         vertices = np.empty((self.base, 3))
         at = 0
         for keys in self.keys:
+            # Layer by layer, in small temporaries; `//` is several times faster than divmod.
+            rows = keys // self.sides[0]
+            z = rows // self.sides[1]
             part = vertices[at : at + len(keys)]
-            rest, part[:, 0] = np.divmod(keys, self.sides[0])
-            part[:, 2], part[:, 1] = np.divmod(rest, self.sides[1])
+            places = (keys - rows * self.sides[0], rows - z * self.sides[1], z)
+            for axis, twice in enumerate(places):
+                # Sample p stands at voxel p - 1, whose centre is at p - 1/2.
+                centers = (twice - 1) * 0.5
+                part[:, axis] = centers * self.grid.spacing[axis] + self.grid.origin[axis]
             at += len(keys)
-        # Sample p stands at voxel p - 1, whose centre is at p - 1/2.
-        vertices -= 1
-        vertices *= 0.5
-        vertices *= self.grid.spacing
-        vertices += self.grid.origin
         return vertices, faces
 
 
