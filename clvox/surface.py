@@ -136,13 +136,11 @@ class _Work:
         states = np.pad(uniform, 1)
         cells = states == 2
         # A cube that touches no such cell lies in cells that are all in or out.  They form a box,
-        # so if they differ, then two that share a face do.
+        # so if they differ, then two that share a face do, and either leads to the cube.
         for axis in range(3):
-            here = (slice(None),) * axis + (slice(None, -1),)
-            next_ = (slice(None),) * axis + (slice(1, None),)
-            differ = (states[here] ^ states[next_]) == 1
-            cells[here] |= differ
-            cells[next_] |= differ
+            low = (slice(None),) * axis + (slice(None, -1),)
+            high = (slice(None),) * axis + (slice(1, None),)
+            cells[low] |= (states[low] ^ states[high]) == 1
         return cls(cells, cell)
 
     def within(self, box: _Box) -> _Box | None:
@@ -162,8 +160,6 @@ class _Work:
             width = self.cell[axis]
             # Voxels first * width to (last + 1) * width - 1 belong to one cube more.
             spans.append((max(start, first * width), min(stop, (last + 1) * width + 1)))
-        if any(start >= stop for start, stop in spans):
-            return None
         return spans[0], spans[1], spans[2]
 
 

@@ -23,7 +23,7 @@ from skimage.measure import euler_number, marching_cubes
 
 from clvox.errors import GridError
 from clvox.grid import Grid, Shape
-from clvox.surface import LEVEL, Read, _table, extract
+from clvox.surface import LEVEL, Read, _table, _Weld, extract
 
 Solid: TypeAlias = NDArray[np.bool_]
 Point: TypeAlias = tuple[int, ...]
@@ -359,6 +359,33 @@ def test_a_ball_is_a_sphere_and_little_of_it_is_read() -> None:
     # The blocks that the surface runs through are about 310 of 512.
     assert boxes.prod(axis=1).sum() < 0.5 * 128**3
     assert seen == [(done, 512) for done in range(1, 513)]
+
+
+def test_of_a_block_only_the_cells_in_question_are_read() -> None:
+    solid = np.zeros((32, 32, 32), bool)
+    solid[13, 9, 23] = True
+    boxes: list[tuple[Shape, Shape]] = []
+
+    def read(start: Shape, stop: Shape) -> Solid:
+        boxes.append((start, stop))
+        return solid[start[2] : stop[2], start[1] : stop[1], start[0] : stop[0]]
+
+    check(solid, extract(grid_of(solid), read, states(solid, (8, 8, 4)), (8, 8, 4)))
+    # The cell of the voxel, and one voxel more all around.
+    assert boxes == [((15, 7, 11), (25, 17, 17))]
+
+
+def test_many_vertices_are_numbered_in_int64() -> None:
+    for before, dtype in ((2**31 - 7, np.int32), (2**31 - 6, np.int64)):
+        weld = _Weld(Grid((0, 0, 0), 1, (1, 1, 1)))
+        weld.base = before
+        voxel = np.zeros((3, 3, 3), np.uint8)
+        voxel[1, 1, 1] = 1
+        weld.add(((0, 2), (0, 2), (0, 2)), voxel)
+        weld.close(2)
+        (faces,) = weld.faces
+        assert faces.dtype == dtype
+        assert set(faces.ravel().tolist()) == set(range(before, before + 6))
 
 
 def test_peak_memory_is_below_a_tenth_of_the_dense_grid() -> None:
