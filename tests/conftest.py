@@ -38,7 +38,7 @@ def session() -> Session:
 
     opened = open_session()
     if "OCLGRIND_LOG" in os.environ:
-        opened._pool = cast(Any, ExactAllocator(opened._queue))
+        opened._pool = cast("Any", ExactAllocator(opened._queue))
     return opened
 
 
