@@ -253,6 +253,9 @@ _PLY_FACES = ("vertex_indices", "vertex_index")
 _PLY_UNIFORM = 64
 """Lists up to this length are read at once, if all of them are as long as the first."""
 
+Column: TypeAlias = tuple[NDArray[Any], NDArray[np.int64]]
+"""The values of a property, row after row, and how many of them each row has."""
+
 
 @dataclass
 class _Property:
@@ -328,11 +331,7 @@ _CUT = "the file is shorter than its header says; it was cut short, or a count i
 
 def _read_ply(data: bytes) -> Arrays:
     order, elements, start = _ply_header(data)
-    source: _Bytes | _Numbers
-    if order:
-        source = _Bytes(data, order, start)
-    else:
-        source = _Numbers(_all_numbers(data[start:]))
+    source = _Bytes(data, order, start) if order else _Numbers(_all_numbers(data[start:]))
     vertices = faces = None
     for element in elements:
         names = [one.name for one in element.properties]

@@ -10,6 +10,7 @@ are compared in full, and edges are sorted by the numbers of their vertices.
 
 from __future__ import annotations
 
+import math
 import os
 import weakref
 from collections.abc import Callable, Iterator, Sequence
@@ -35,8 +36,9 @@ LARGEST = 1e18
 """Largest coordinate: areas do not overflow float32, nor volumes a double."""
 
 _MAX_VERTICES = 2**31 - 1
-_BLOCK = 1 << 15
-"""Rows worked on at a time, so that the intermediate arrays stay in the cache."""
+_BLOCK = 1 << 13
+"""Rows worked on at a time: intermediate arrays stay in the cache, and in memory that is reused;
+larger ones come fresh from the system each time, which costs more than the work on them."""
 
 _SMALL = 1 << 16
 """Below this many items a second thread costs more than it saves."""
@@ -272,7 +274,9 @@ class _Mesh:
 
     def without_unused(self) -> _Mesh:
         used = np.zeros(len(self.points), bool)
-        used[self.triangles.reshape(-1)] = True
+        corners = self.triangles.reshape(-1)
+        for at in range(0, len(corners), _BLOCK):
+            used[corners[at : at + _BLOCK].astype(np.intp)] = True
         return self if used.all() else self._only(used, self.triangles)
 
     def merged(self, first: NDArray[np.intp]) -> _Mesh:
@@ -459,8 +463,8 @@ def _refuse_flat(bounds: NDArray[np.float64]) -> None:
 def _refuse_without_area(mesh: _Mesh, bounds: NDArray[np.float64]) -> None:
     # In the unit box nothing overflows, and "no area" means the same at every scale.
     low, high = bounds
-    for start in range(0, len(mesh.triangles), 1024):
-        a, b, c = (mesh.points[mesh.triangles[start : start + 1024].T] - low) / (high - low)
+    for start in range(0, len(mesh.triangles), _BLOCK):
+        a, b, c = (mesh.points[mesh.triangles[start : start + _BLOCK].T] - low) / (high - low)
         ab, ac = (b - a).T, (c - a).T
         normal = np.stack([ab[i - 2] * ac[i - 1] - ab[i - 1] * ac[i - 2] for i in range(3)])
         scale = np.abs(ab).max(axis=0) * np.abs(ac).max(axis=0)
@@ -474,35 +478,22 @@ def _refuse_without_area(mesh: _Mesh, bounds: NDArray[np.float64]) -> None:
 
 def _volume_share(surface: Surface) -> float:
     """The signed volume, as a fraction of the bounding box."""
-    totals = np.zeros(2)
-    columns = _unit_columns(surface.vertices, surface.bounds)
+    x, y, z = np.ascontiguousarray(surface.vertices.T)
+    low, high = surface.bounds
+    parts: list[float] = []
 
     def add(start: int, stop: int) -> None:
-        total = 0.0
         for at in range(start, stop, _BLOCK):
             part = surface.faces[at : min(at + _BLOCK, stop)]
-            (ax, bx, cx), (ay, by, cy), (az, bz, cz) = _corners(columns, part)
-            # The prism between a triangle and the plane z = 0.
-            total += float(((bx - ax) * (cy - ay) - (by - ay) * (cx - ax)) @ (az + bz + cz))
-        totals[int(start > 0)] = total
+            corners = np.ascontiguousarray(part.T, dtype=np.intp)
+            ax, bx, cx = x.take(corners)
+            ay, by, cy = y.take(corners)
+            height = z.take(corners).sum(axis=0) - 3 * low[2]
+            # The prism between a triangle and the lowest plane.
+            parts.append(float(((bx - ax) * (cy - ay) - (by - ay) * (cx - ax)) @ height))
 
     _in_halves(add, len(surface.faces))
-    return float(totals.sum()) / 6
-
-
-def _unit_columns(points: NDArray[np.float64], bounds: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The vertices in units of the bounding box, (axis, vertex)."""
-    low, high = bounds[:, :, None]
-    columns = np.ascontiguousarray(points.T)
-    columns -= low
-    columns /= high - low
-    return columns
-
-
-def _corners(columns: NDArray[np.float64], triangles: NDArray[np.int32]) -> NDArray[np.float64]:
-    """The corners of some triangles, (axis, corner, triangle)."""
-    numbers = np.ascontiguousarray(triangles.T, dtype=np.intp)
-    return np.stack([column.take(numbers) for column in columns])
+    return math.fsum(parts) / 6 / float(np.prod(high - low))
 
 
 # --- equal rows ---------------------------------------------------------------------------------
@@ -546,9 +537,9 @@ def _first_equal(rows: NDArray[Any]) -> NDArray[np.intp] | None:
         return None
     order = (keys & low).astype(np.intp)
     del keys
-    leader = np.maximum.accumulate(np.where(same, 0, np.arange(count)))
+    starts = np.flatnonzero(~same)
     first = np.empty(count, np.intp)
-    first[order] = order[leader]
+    first[order] = np.repeat(order[starts], np.diff(starts, append=count))
 
     clash = np.zeros(count, bool)
 
@@ -659,31 +650,28 @@ def _edge_keys(triangles: NDArray[np.int32], count: int) -> tuple[NDArray[np.int
     number; the higher; as many low bits as fit of the third vertex.
     """
     bits, spare = _widths(count)
-    shift, rest = np.int64(bits), np.int64(spare)
     low = np.int64((1 << min(bits, spare)) - 1)
     keys = np.empty((3, len(triangles)), np.int64)
-    flawed = [False]
+    flaws = [False, False]
 
     def fill(start: int, stop: int) -> None:
         for at in range(start, stop, _BLOCK):
             end = min(at + _BLOCK, stop)
-            a, b, c = triangles[at:end].T.astype(np.int64)
-            for side, (p, q, r) in enumerate(((a, b, c), (b, c, a), (c, a, b))):
-                ahead = p - q
+            corners = triangles[at:end].T.astype(np.int64, order="C")
+            # The fields are put in place before they are compared: that changes no order.
+            lower, higher = corners << np.int64(bits + spare), corners << np.int64(spare)
+            thirds = corners & low
+            for p, q, r in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+                ahead = corners[q] - corners[p]
                 if not ahead.all():
-                    flawed[0] = True
-                key = np.minimum(p, q)
-                key <<= shift
-                key |= np.maximum(p, q)
-                key <<= rest
-                key |= r & low
-                # q - p is negative, its top bit set, for a side that runs backward.
-                np.negative(ahead, out=ahead)
-                ahead &= _BACKWARD
-                np.bitwise_or(key, ahead, out=keys[side, at:end])
+                    flaws[int(start > 0)] = True
+                ahead &= _BACKWARD  # what is left is the sign
+                ahead |= np.minimum(lower[p], lower[q])
+                ahead |= np.maximum(higher[p], higher[q])
+                np.bitwise_or(ahead, thirds[r], out=keys[p, at:end])
 
     _in_halves(fill, len(triangles))
-    return keys.reshape(-1), flawed[0]
+    return keys.reshape(-1), any(flaws)
 
 
 def _is_simple(keys: NDArray[np.int64], count: int) -> bool:
@@ -700,17 +688,22 @@ def _is_simple(keys: NDArray[np.int64], count: int) -> bool:
     backward, forward = keys[:half], keys[half:]
     if backward[-1] >= 0 or forward[0] < 0:
         return False
-    _, spare = _widths(count)
-    one, rest = np.int64(1), np.int64(spare)
-    for at in range(0, half, _BLOCK):
-        there, back = forward[at : at + _BLOCK], backward[at : at + _BLOCK] ^ _BACKWARD
-        apart = there ^ back
-        if (apart >> rest).any() or not apart.all():
-            return False
-        next_there = forward[at + 1 : at + _BLOCK + 1]
-        if ((there[: len(next_there)] ^ next_there) >> rest < one).any():
-            return False
-    return True
+    rest = np.int64(_widths(count)[1])
+    flaws = [False, False]
+
+    def compare(start: int, stop: int) -> None:
+        for at in range(start, stop, _BLOCK):
+            end = min(at + _BLOCK, stop)
+            there = forward[at:end]
+            apart = there ^ backward[at:end] ^ _BACKWARD
+            after = forward[at + 1 : end + 1]
+            again = (after ^ there[: len(after)]) >> rest
+            if (apart >> rest).any() or not apart.all() or not again.all():
+                flaws[int(start > 0)] = True
+                return
+
+    _in_halves(compare, half)
+    return not any(flaws)
 
 
 def _distinct(triangles: NDArray[np.int32]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:

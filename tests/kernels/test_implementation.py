@@ -8,6 +8,8 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
+import pyopencl as cl
 import pytest
 
 from tests.opencl import IMPLEMENTATIONS
@@ -65,7 +67,17 @@ def test_device_belongs_to_the_implementation_asked_for(session: Session) -> Non
     asked = os.environ.get("CLVOX_DEVICE")
     if asked not in [chosen.platform for chosen in IMPLEMENTATIONS.values()]:
         pytest.skip("CLVOX_DEVICE names none of the three platforms of tests/opencl.py")
-    assert session.platform_name == asked
+    assert session.device.platform == asked
+
+
+def test_arrays_end_where_their_memory_ends(session: Session) -> None:
+    """Or else Oclgrind sees no access beyond their end."""
+    if "OCLGRIND_LOG" not in os.environ:
+        pytest.skip("the device under test is not Oclgrind")
+    for words in (1, 5, 33, 1025):
+        memory = session.zeros(words, np.uint32).base_data
+        assert isinstance(memory, cl.Buffer)
+        assert memory.size == 4 * words
 
 
 def oclgrind_reports(body: str, folder: Path) -> str:
