@@ -28,7 +28,7 @@ from clvox.grid import Grid
 if TYPE_CHECKING:
     from clvox.device import devices
     from clvox.mesh import load
-    from clvox.models import VoxelModel, count_crossings, voxelize
+    from clvox.models import VoxelModel, count_crossings, open, voxelize  # noqa: A004
     from clvox.render import render
 
 __all__ = [
@@ -47,6 +47,7 @@ __all__ = [
     "count_crossings",
     "devices",
     "load",
+    "open",
     "render",
     "voxelize",
 ]
@@ -56,6 +57,7 @@ _HOMES = {
     "count_crossings": "clvox.models",
     "devices": "clvox.device",
     "load": "clvox.mesh",
+    "open": "clvox.models",
     "render": "clvox.render",
     "voxelize": "clvox.models",
 }

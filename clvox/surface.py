@@ -44,7 +44,7 @@ def extract(
     cell: Shape = (1, 1, 1),
     *,
     block: int = BLOCK,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Callable[[int, int], object] | None = None,
 ) -> tuple[NDArray[np.float64], NDArray[np.integer[Any]]]:
     """Return the surface of a solid given by its samples, as a closed and oriented mesh.
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-import sys
+import platform
 from dataclasses import dataclass, field
 from typing import TypeAlias
 
@@ -56,7 +56,7 @@ def devices() -> list[Device]:
         platforms = cl.get_platforms()
     except cl.Error:
         platforms = []
-    found = [_describe(handle) for platform in platforms for handle in _handles(platform)]
+    found = [_describe(handle) for driver in platforms for handle in _handles(driver)]
     if not found:
         raise DeviceError(f"no OpenCL device was found. {_advice()}")
     return sorted(found, key=lambda device: device.kind != "gpu")
@@ -97,9 +97,9 @@ def choose(wanted: DeviceLike = None) -> Device:
     return matching[0]
 
 
-def _handles(platform: cl.Platform) -> list[cl.Device]:
+def _handles(driver: cl.Platform) -> list[cl.Device]:
     try:
-        return platform.get_devices()
+        return driver.get_devices()
     except cl.Error:
         # A platform without devices says so by an error.
         return []
@@ -123,11 +123,12 @@ def _describe(handle: cl.Device) -> Device:
 
 def _advice() -> str:
     """What to install on this system to have a device."""
-    if sys.platform == "linux":
+    system = platform.system()
+    if system == "Linux":
         return (
             "Install one with pip install 'clvox[pocl]' (x86-64) or 'clvox[intel]' (x86-64), with "
             "apt install pocl-opencl-icd, or install your GPU vendor's driver."
         )
-    if sys.platform == "win32":
+    if system == "Windows":
         return "Install your GPU vendor's driver, or pip install 'clvox[intel]' for the processor."
     return "macOS has its own OpenCL; elsewhere install your GPU vendor's driver or PoCL."

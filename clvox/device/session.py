@@ -23,6 +23,7 @@ GROUP = 64
 """Work-items per group, unless an operation says otherwise."""
 
 _OPTIONS = ["-cl-std=CL1.2", "-Werror"]
+_COMPLAINT = re.compile(r"\s*error:|.*:\d+:\d+: ")
 
 
 class Session:
@@ -139,14 +140,7 @@ class Session:
 
         A bare Python number is refused: it has no width.
         """
-        values: list[object] = []
-        for argument in arguments:
-            if isinstance(argument, cla.Array):
-                values.append(argument.base_data)
-            elif isinstance(argument, np.generic):
-                values.append(argument)
-            else:
-                raise TypeError(f"a kernel takes arrays and NumPy scalars, not {argument!r}")
+        values = [_value(argument) for argument in arguments]
         size = min(group or GROUP, self.device.handle.max_work_group_size)
         with self._lock:
             # Arguments are state of the kernel object: set and queued under one lock.
@@ -159,16 +153,28 @@ class Session:
 
     def _build(self, file: str, defines: dict[str, int]) -> cl.Program:
         options = _OPTIONS + [f"-D{name}={value}" for name, value in sorted(defines.items())]
+        program = cl.Program(self._context, read_source(file))
         try:
-            program = cl.Program(self._context, read_source(file)).build(options)
+            program.build(options)
         except cl.RuntimeError as error:
-            words = [line for line in str(error).splitlines() if re.match(r"\S*\s*error:|.*:\d+:\d+: ", line)]
+            lines = str(error).splitlines()
+            words = [line for line in lines if _COMPLAINT.match(line)] or lines
             raise KernelBuildError(
-                f"{file} does not build on {self.device} with {' '.join(options)}:\n    "
-                + "\n    ".join(words or str(error).splitlines())
+                "\n    ".join(
+                    [f"{file} does not build on {self.device} with {' '.join(options)}:", *words]
+                )
             ) from error
         self.builds += 1
         return program
+
+
+def _value(argument: Argument) -> cl.MemoryObjectHolder | np.generic | None:
+    """What OpenCL is given for an argument."""
+    if isinstance(argument, cla.Array):
+        return argument.base_data
+    if isinstance(argument, np.generic):
+        return argument
+    raise TypeError(f"a kernel takes arrays and NumPy scalars, not {argument!r}")
 
 
 _sessions: dict[int, Session] = {}

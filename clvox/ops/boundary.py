@@ -39,10 +39,7 @@ def mark_cells(
     cells = cell_shape(shape, brick)
     marks = session.zeros((cells[2], cells[1], words_for(cells[0])), np.uint32)
     defines = _defines(bits, brick, _CELLS, direct, tile)
-    sink = (marks,)
-    visit_facets(
-        session, _FILE, "mark", facets, int4(cells), sink, progress=progress, **defines
-    )
+    visit_facets(session, _FILE, "mark", facets, int4(cells), (marks,), defines, progress)
     return marks
 
 
@@ -64,9 +61,7 @@ def mark_voxels(
     marks = session.zeros((cells.count, cells.brick_words), np.uint32)
     defines = _defines(bits, (1, 1, 1), _VOXELS, direct, tile) | cells.defines
     sink = cells.shape4, cells.boundary, cells.rank, marks
-    visit_facets(
-        session, _FILE, "mark", facets, int4(shape), sink, progress=progress, **defines
-    )
+    visit_facets(session, _FILE, "mark", facets, int4(shape), sink, defines, progress)
     return marks
 
 

@@ -38,7 +38,7 @@ def count_crossings(
     counts = session.zeros((rays_u, rays_v) if axis == 1 else (rays_v, rays_u), np.uint32)
     defines = {"AXIS": axis, "STEP_BITS": bits, "SINK": _COUNT, "DIRECT": direct, "TILE": tile}
     rays = int2(rays_u, rays_v)
-    visit_facets(session, _FILE, "cast", facets, rays, (counts,), **defines)
+    visit_facets(session, _FILE, "cast", facets, rays, (counts,), defines)
     return counts
 
 
@@ -63,7 +63,7 @@ def flip_dense(
     defines = {"AXIS": 1, "STEP_BITS": bits, "SINK": _DENSE, "DIRECT": direct, "TILE": tile}
     sink = np.int32(ny), voxels, beyond
     rays = int2(nz, nx)
-    visit_facets(session, _FILE, "cast", facets, rays, sink, progress=progress, **defines)
+    visit_facets(session, _FILE, "cast", facets, rays, sink, defines, progress)
 
 
 def flip_bricks(
@@ -88,14 +88,5 @@ def flip_bricks(
         *(cells.shape4, cells.boundary, cells.rank),
         *(bricks.voxels, bricks.exits, bricks.entry, bricks.beyond),
     )
-    visit_facets(
-        session,
-        _FILE,
-        "cast",
-        facets,
-        int2(cells_z * brick_z, cells_x * brick_x),
-        sink,
-        progress=progress,
-        **defines,
-        **cells.defines,
-    )
+    rays = int2(cells_z * brick_z, cells_x * brick_x)
+    visit_facets(session, _FILE, "cast", facets, rays, sink, defines | cells.defines, progress)

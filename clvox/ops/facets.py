@@ -49,9 +49,8 @@ def visit_facets(
     facets: Facets,
     space: np.generic,
     sink: tuple[Argument, ...],
-    *,
+    defines: dict[str, int],
     progress: Progress | None = None,
-    **defines: int,
 ) -> None:
     """Run the kernels `verb`_direct, count_tiles and `verb`_tiles of *file* over all triangles.
 
@@ -61,6 +60,8 @@ def visit_facets(
         The number of rays, or of cells, along each axis.
     sink : tuple
         What the kernels take after the mesh: their outputs, above all.
+    defines : dict
+        What they are built with.
     progress : callable, optional
         Told of triangles done; with it, each launch is waited for.
     """

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pyopencl.array as cla
-from pyopencl.cltypes import make_int2, make_int4
+from pyopencl import cltypes
 
 from clvox.device import Session
 from clvox.device.session import Argument
@@ -21,14 +21,12 @@ def words_for(bits: int) -> int:
 
 def int4(triple: Shape) -> np.generic:
     """A kernel's argument for three integers."""
-    four: np.generic = make_int4(*triple, 0)[()]
-    return four
+    return np.array((*triple, 0), cltypes.int4)[()]
 
 
 def int2(first: int, second: int) -> np.generic:
     """A kernel's argument for two integers."""
-    two: np.generic = make_int2(first, second)[()]
-    return two
+    return np.array((first, second), cltypes.int2)[()]
 
 
 @dataclass(frozen=True)

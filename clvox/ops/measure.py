@@ -41,13 +41,13 @@ def count_voxels(
 
 def _count_inside(session: Session, arrays: VoxelArrays) -> int:
     """Voxels of the cells that are wholly inside, as far as the grid reaches."""
-    cells = arrays.cells
-    if cells is None:
+    cells, inside = arrays.cells, arrays.inside
+    if cells is None or inside is None:
         return 0
     nx, ny, nz = cells.shape
     counts = session.empty((nz, ny, 2), np.uint32)
     kernel = session.kernel(_FILE, "count_cells", RULE=Rule.CENTRE, RUN=RUN)
-    session.run(kernel, ny * nz, int4(cells.shape), arrays.inside, counts)
+    session.run(kernel, ny * nz, int4(cells.shape), inside, counts)
     last_x, width_y, width_z = (
         np.minimum(side, count - side * np.arange(number))
         for side, count, number in zip(cells.brick, arrays.shape, cells.shape, strict=True)
