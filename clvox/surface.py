@@ -208,6 +208,7 @@ class _Weld:
     def add(self, box: _Box, samples: NDArray[np.uint8]) -> None:
         """Take the triangles of the cubes of *box*, given the samples they lie between."""
         cubes = _cases(samples)
+        # Neither 0 nor 255, which wraps to 0.
         (where,) = np.nonzero((cubes.ravel() + np.uint8(1)) > 1)
         if not len(where):
             return
@@ -216,6 +217,7 @@ class _Weld:
         np.bitwise_xor(samples[:, 1:], samples[:, :-1], out=crossed[1, :, :-1])
         np.bitwise_xor(samples[1:], samples[:-1], out=crossed[2, :-1])
         (edges,) = np.nonzero(crossed.ravel().view(np.bool_))
+        # Written and read only where a vertex is: a look-up without a search.
         numbers = np.empty(crossed.size, dtype=np.int32)
         first = self.layer_count
         numbers[edges] = np.arange(first, first + len(edges), dtype=np.int32)
@@ -225,6 +227,7 @@ class _Weld:
         case = cubes.ravel()[where]
         count = table.count[case]
         owner = np.repeat(np.arange(len(where)), count)
+        # Per triangle, its row in the table: the first of its cube's, and counting on.
         row = np.arange(len(owner)) + (table.start[case] - (np.cumsum(count) - count))[owner]
         corner = np.ravel_multi_index(places, samples.shape)
         strides = np.array([samples.size, samples[0].size, samples.shape[2], 1])
