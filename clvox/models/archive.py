@@ -50,8 +50,8 @@ def unpack(session: Session, record: dict[str, NDArray[Any]]) -> tuple[Grid, Vox
     FormatError
         An array is missing, or has not the shape, the type or the content that it must have.
     """
-    dense = _GRID | _DENSE == set(record)
-    if not dense and _GRID | _TWO != set(record):
+    dense = set(record) == _GRID | _DENSE
+    if not dense and set(record) != _GRID | _TWO:
         raise FormatError(f"not a clvox model: its arrays are {', '.join(sorted(record))}")
     if record["version"].shape != () or record["version"] != VERSION:
         raise FormatError(

@@ -174,9 +174,7 @@ def count_crossings(
     lattice = Lattice.fit(grid, surface.bounds, bits=lattice_bits)
     session = open_session(device)
     facets = upload_facets(session, lattice.snap(surface.vertices), surface.faces)
-    counts = crossings.count_crossings(
-        session, facets, lattice.bits, grid.shape, "xyz".index(axis)
-    )
+    counts = crossings.count_crossings(session, facets, lattice.bits, grid.shape, "xyz".index(axis))
     result: np.ndarray[Any, np.dtype[np.uint32]] = counts.get()
     return result
 
@@ -285,9 +283,7 @@ def _build_bricks(
     with stages.stage("clear"):
         bricks = Bricks.cleared(session, cells)
     with stages.stage("flip"):
-        crossings.flip_bricks(
-            session, facets, lattice.bits, cells, bricks, progress=_part(tell, 1)
-        )
+        crossings.flip_bricks(session, facets, lattice.bits, cells, bricks, progress=_part(tell, 1))
     with stages.stage("carry"):
         solid = carry(session, cells, bricks, shape)
     arrays = VoxelArrays(shape, bricks.voxels, cells, solid.inside)
@@ -355,5 +351,3 @@ def _told(progress: bool | Progress | None, total: int) -> Iterator[Progress | N
     else:
         with tqdm(total=total, unit=" triangles", unit_scale=True, desc="voxelize") as bar:
             yield lambda done, _: bar.update(done - bar.n)
-
-
