@@ -19,6 +19,7 @@ from clvox.errors import GridError, MeshError
 from clvox.grid import Grid, Lattice, Shape
 from clvox.mesh import Surface
 from clvox.models import archive
+from clvox.models.levels import Levels, resolve_levels
 from clvox.ops import measure, pack, query
 from clvox.ops.boundary import mark_cells, mark_voxels
 from clvox.ops.facets import Progress, upload_facets
@@ -72,6 +73,7 @@ class Report:
     warnings: tuple[str, ...] = ()
 
 
+@dataclass(frozen=True, eq=False, repr=False)
 class VoxelModel:
     """A solid as voxels, on one level or two, on an OpenCL device.
 
@@ -87,34 +89,12 @@ class VoxelModel:
         How the model was built.
     """
 
-    grid: Grid
-    report: Report
-
-    def __init__(
-        self,
-        session: Session,
-        grid: Grid,
-        arrays: VoxelArrays,
-        report: Report,
-        surface: Surface | None = None,
-        lattice: Lattice | None = None,
-    ) -> None:
-        self.__dict__.update(
-            grid=grid,
-            report=report,
-            _session=session,
-            _arrays=arrays,
-            _surface=surface,
-            _lattice=lattice,
-        )
-
     _session: Session
+    grid: Grid
     _arrays: VoxelArrays
-    _surface: Surface | None
-    _lattice: Lattice | None
-
-    def __setattr__(self, name: str, value: object) -> None:
-        raise AttributeError(f"a VoxelModel does not change: cannot set {name!r}")
+    report: Report
+    _surface: Surface | None = None
+    _lattice: Lattice | None = None
 
     @classmethod
     def from_array(
@@ -122,7 +102,7 @@ class VoxelModel:
         voxels: ArrayLike,
         grid: Grid,
         *,
-        levels: Any = None,
+        levels: Levels | None = None,
         device: DeviceLike = None,
     ) -> VoxelModel:
         """Return the model whose voxels are those that are true in *voxels*.
@@ -141,8 +121,6 @@ class VoxelModel:
         GridError
             The array has not the grid's shape, or *levels* do not agree with it.
         """
-        from clvox.models.build import resolve_levels
-
         array = np.asarray(voxels)
         if array.shape != grid.array_shape:
             raise GridError(

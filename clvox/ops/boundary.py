@@ -32,7 +32,7 @@ def mark_cells(
     direct: int = DIRECT,
     tile: int = TILE,
 ) -> cla.Array:
-    """Return a bit for each cell of *brick* voxels: does a triangle touch the closed cell?
+    """Return a bit for each cell of *brick* voxels that says whether a triangle touches it.
 
     The result is (Nz, Ny, words) uint32, bits along x.
     """
@@ -54,7 +54,7 @@ def mark_voxels(
     direct: int = DIRECT,
     tile: int = TILE,
 ) -> cla.Array:
-    """Return a bit for each voxel of each brick: does a triangle touch the closed voxel?
+    """Return a bit for each voxel of each brick that says whether a triangle touches it.
 
     The result is laid out like the bricks; bits of the padding are zero.
     """
