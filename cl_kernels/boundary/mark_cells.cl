@@ -40,15 +40,14 @@ static inline void mark(const int3 cells, const int3 cell, SINK_PARAMETERS)
 
 #include "common/bricks.h"
 
-#define SINK_PARAMETERS \
-    const int4 coarse, const __global uint *boundary, const __global uint *rank, \
-    __global uint *marks
-#define SINK_ARGUMENTS coarse, boundary, rank, marks
+#define SINK_PARAMETERS TREE_PARAMETERS, __global uint *marks
+#define SINK_ARGUMENTS TREE_ARGUMENTS, marks
 
-static inline void mark(const int3 cells, const int3 cell, SINK_PARAMETERS)
+static inline void mark(const int3 grid, const int3 cell, SINK_PARAMETERS)
 {
+    const Tree tree = TREE;
     const uint brick = find_brick(
-        coarse, boundary, rank, cell.x / BRICK_X, cell.y / BRICK_Y, cell.z / BRICK_Z);
+        tree, cell.x / BRICK_X, cell.y / BRICK_Y, cell.z / BRICK_Z);
     if (brick == NO_BRICK) return;
     const int voxel = ((cell.z % BRICK_Z) * BRICK_Y + cell.y % BRICK_Y) * BRICK_X + cell.x % BRICK_X;
     atomic_or(marks + (ulong)brick * BRICK_WORDS + voxel / 32, 1u << (voxel % 32));

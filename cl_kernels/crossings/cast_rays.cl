@@ -13,7 +13,7 @@
  *             SINK       0: COUNT, 1: DENSE, 2: BRICKS (crossings/sinks.h)
  *             DIRECT     most candidate rays of a triangle that is done directly
  *             TILE       side of a tile, in rays
- *             BRICK_X, BRICK_Y, BRICK_Z  sides of a brick, for the sink BRICKS
+ *             LEVELS, BRICK_*, MIDDLE_*  of the model, for the sink BRICKS (common/bricks.h)
  * Source:     after M. Schwarz, H.-P. Seidel, "Fast parallel surface and solid voxelization on
  *             GPUs", ACM TOG 29(6), 2010, in integers and with ties broken by an infinitesimal.
  */

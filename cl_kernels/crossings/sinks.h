@@ -60,18 +60,18 @@ static inline void cross(Sink *sink, const int u, const int v, const int slot)
 #include "common/bricks.h"
 
 /* Rays along y: u is z and v is x.
- * cells: shape of the coarse grid.  entry, beyond: a face per column of cells along y, (z, x), for
- * crossings before the first sample and past the last.  exits: a face per brick, for crossings in
- * the last half voxel of its cell when no brick follows. */
+ * columns: cells of voxels along each axis.  The tree above the bricks: common/bricks.h.
+ * entry, beyond: a face per column of cells along y, (z, x), for crossings before the first sample
+ * and past the last.  exits: a face per brick, for crossings in the last half voxel of its cell
+ * when no brick follows. */
 #define SINK_PARAMETERS \
-    const int4 cells, const __global uint *boundary, const __global uint *rank, \
+    const int4 columns, TREE_PARAMETERS, \
     __global uint *bricks, __global uint *exits, __global uint *entry, __global uint *beyond
 #define MAKE_SINK(rays) \
-    { cells, boundary, rank, bricks, exits, entry, beyond, (int4)(-1), NO_BRICK }
+    { TREE, columns, bricks, exits, entry, beyond, (int4)(-1), NO_BRICK }
 typedef struct {
-    int4 cells;
-    const __global uint *boundary;
-    const __global uint *rank;
+    Tree tree;
+    int4 columns;
     __global uint *bricks;
     __global uint *exits;
     __global uint *entry;
@@ -85,19 +85,19 @@ static inline void cross(Sink *sink, const int u, const int v, const int slot)
     const int x = v / BRICK_X;
     const int z = u / BRICK_Z;
     const int ray = (u % BRICK_Z) * BRICK_X + v % BRICK_X;
-    const ulong column = (ulong)z * sink->cells.x + x;
+    const ulong column = (ulong)z * sink->columns.x + x;
     if (slot <= 0) {
         atomic_xor(sink->entry + column * FACE_WORDS + ray / 32, 1u << (ray % 32));
         return;
     }
     const int y = slot / BRICK_Y;
-    if (y >= sink->cells.y) {
+    if (y >= sink->columns.y) {
         atomic_xor(sink->beyond + column * FACE_WORDS + ray / 32, 1u << (ray % 32));
         return;
     }
     if (sink->cell.x != x || sink->cell.y != y || sink->cell.z != z) {
         sink->cell = (int4)(x, y, z, 0);
-        sink->brick = find_brick(sink->cells, sink->boundary, sink->rank, x, y, z);
+        sink->brick = find_brick(sink->tree, x, y, z);
     }
     if (sink->brick != NO_BRICK) {
         const int voxel = ((u % BRICK_Z) * BRICK_Y + slot % BRICK_Y) * BRICK_X + v % BRICK_X;
@@ -107,8 +107,7 @@ static inline void cross(Sink *sink, const int u, const int v, const int slot)
     }
     /* The cell of the first sample behind the crossing is untouched: the crossing lies in the last
      * half voxel of the cell before, which is touched, or before the grid. */
-    const uint before = y ? find_brick(sink->cells, sink->boundary, sink->rank, x, y - 1, z)
-                          : NO_BRICK;
+    const uint before = y ? find_brick(sink->tree, x, y - 1, z) : NO_BRICK;
     __global uint *face = before == NO_BRICK ? sink->entry + column * FACE_WORDS
                                              : sink->exits + (ulong)before * FACE_WORDS;
     atomic_xor(face + ray / 32, 1u << (ray % 32));
