@@ -305,39 +305,30 @@ def _check(vertices: ArrayLike, faces: ArrayLike) -> Surface:
     if first is not None:
         mesh = mesh.merged(first)
     rest = _resolve(mesh)
-    warnings = []
-    length = 0.0
+    warnings: list[str] = []
+    welded_by = 0.0
     if len(rest.odd):
         near = WELD_TOLERANCE * float((bounds[1] - bounds[0]).max())
-        first = _first_near(mesh.points, np.unique(rest.odd), near)
-        if first is not None:
-            merged = mesh.merged(first)
-            closer = _resolve(merged)
-            if len(closer.odd) < len(rest.odd) and len(closer.kept):
-                warnings.append(
-                    f"{len(mesh.points) - len(merged.points)} vertices were merged with others "
-                    f"within {near:.3g}, {WELD_TOLERANCE:g} of the mesh's size: welded by equal "
-                    "coordinates alone it is open"
-                )
-                mesh, rest, length = merged, closer, near
+        merged = _merged_near(mesh, rest, near)
+        if merged is not None:
+            warnings.append(
+                f"{len(mesh.points) - len(merged[0].points)} vertices were merged with others "
+                f"within {near:.3g}, {WELD_TOLERANCE:g} of the mesh's size: welded by equal "
+                "coordinates alone it is open"
+            )
+            (mesh, rest), welded_by = merged, near
     if not len(rest.kept):
         raise MeshError(
             f"nothing is left of {len(mesh.triangles)} triangles: {rest.repeated} use a vertex "
             f"twice, {rest.cancelled} are opposite sides of one triangle. A solid needs a closed "
             "surface around it."
         )
-
     whole = len(rest.kept) == len(mesh.triangles)
     if not whole:
-        # What was dropped may leave vertices without a triangle.
-        trimmed = _Mesh(mesh.points, mesh.triangles[rest.kept], mesh.numbers)
-        inner = _Mesh(trimmed.points, trimmed.triangles, None).without_unused()
-        if inner.numbers is not None:
-            bounds = _bounds(inner)
-            _refuse_flat(bounds)
-            rest.odd = np.searchsorted(inner.numbers, rest.odd).astype(np.int32)
-            rest.uneven = np.searchsorted(inner.numbers, rest.uneven).astype(np.int32)
-        mesh = trimmed.without_unused()
+        mesh = _trimmed(mesh, rest)
+    if not whole or welded_by:
+        bounds = _bounds(mesh)
+        _refuse_flat(bounds)
     _refuse_without_area(mesh, bounds)
     arrays = (mesh.points, mesh.triangles, bounds, rest.odd, rest.uneven, rest.kept, mesh.numbers)
     for array in arrays:
@@ -353,25 +344,53 @@ def _check(vertices: ArrayLike, faces: ArrayLike) -> Surface:
         repeated=rest.repeated,
         duplicates=rest.duplicates,
         cancelled=rest.cancelled,
-        welded_by=length,
+        welded_by=welded_by,
         face_numbers=None if whole else rest.kept,
         vertex_numbers=mesh.numbers,
         odd_edges=rest.odd,
         uneven_edges=rest.uneven,
     )
-    return replace(surface, warnings=(*warnings, *_defects(surface)))
+    return replace(surface, warnings=(*warnings, *_defects(surface, rest.crowded)))
 
 
-def _defects(surface: Surface) -> Iterator[str]:
+def _merged_near(mesh: _Mesh, rest: _Rest, length: float) -> tuple[_Mesh, _Rest] | None:
+    """The mesh with vertices of odd edges merged within *length*; None if that closes nothing."""
+    first = _first_near(mesh.points, np.unique(rest.odd), length)
+    if first is None:
+        return None
+    merged = mesh.merged(first)
+    closer = _resolve(merged)
+    return (merged, closer) if len(closer.odd) < len(rest.odd) and len(closer.kept) else None
+
+
+def _trimmed(mesh: _Mesh, rest: _Rest) -> _Mesh:
+    """The mesh of the triangles that are kept; the edges in *rest* are renumbered with it."""
+    trimmed = replace(mesh, triangles=mesh.triangles[rest.kept]).without_unused()
+    if len(trimmed.points) < len(mesh.points):
+        names = np.arange(len(mesh.points)) if mesh.numbers is None else mesh.numbers
+        rest.odd, rest.uneven = (
+            np.searchsorted(np.asarray(trimmed.numbers), names[edges]).astype(np.int32)
+            for edges in (rest.odd, rest.uneven)
+        )
+    return trimmed
+
+
+def _triangles(count: int) -> str:
+    return "1 triangle was" if count == 1 else f"{count} triangles were"
+
+
+def _defects(surface: Surface, crowded: int) -> Iterator[str]:
     if surface.repeated:
-        yield f"{surface.repeated} triangles were dropped: they use a vertex twice"
+        yield f"{_triangles(surface.repeated)} dropped, with a vertex number twice"
     if surface.duplicates:
-        yield f"{surface.duplicates} triangles were dropped: they are there already"
+        yield f"{_triangles(surface.duplicates)} dropped, equal to another one"
     if surface.cancelled:
         yield (
-            f"{surface.cancelled} triangles were dropped in pairs: "
+            f"{_triangles(surface.cancelled)} dropped in pairs: "
             "two opposite sides of one triangle enclose nothing"
         )
+    if crowded:
+        yield f"some edges ({crowded}) belong to more than two triangles: surfaces touch there"
     if not surface.closed:
         yield surface._open()
     elif not surface.oriented:
@@ -536,7 +555,6 @@ def _first_equal(rows: NDArray[Any]) -> NDArray[np.intp] | None:
     if not same.any():
         return None
     order = (keys & low).astype(np.intp)
-    del keys
     starts = np.flatnonzero(~same)
     first = np.empty(count, np.intp)
     first[order] = np.repeat(order[starts], np.diff(starts, append=count))
@@ -570,14 +588,14 @@ def _first_near(
 ) -> NDArray[np.intp] | None:
     """Like `_first_equal`, for the *candidates* among the points, and within *length*.
 
-    Points that differ by at most half of *length* along each axis are merged for certain, points
-    that differ by more only by way of others.  Cells of eight shifted grids, *length* wide, do
+    Points that differ by at most *length* along each axis are merged for certain, points that
+    differ by twice as much or more only by way of others.  The cells of eight shifted grids do
     this at a bounded cost, however many points crowd into a cell.
     """
     if length == 0:
         return None
     places = points[candidates]
-    scaled = (places - places.min(axis=0)) / length
+    scaled = (places - places.min(axis=0)) / (2 * length)
     pairs = []
     for shift in np.ndindex(2, 2, 2):
         first = _first_equal(np.floor(scaled + np.array(shift) / 2))
@@ -586,7 +604,8 @@ def _first_near(
             pairs.append(np.stack([moved, first[moved]], axis=1))
     if not pairs:
         return None
-    labels = trimesh.graph.connected_component_labels(np.concatenate(pairs), len(candidates))
+    joined: Any = trimesh.graph.connected_component_labels  # it has no annotations
+    labels = joined(np.concatenate(pairs), len(candidates))
     # The candidates ascend, so the first of a component is the lowest-numbered.
     _, lowest = np.unique(labels, return_index=True)
     result = np.arange(len(points))
@@ -607,6 +626,7 @@ class _Rest:
     cancelled: int
     odd: NDArray[np.int32]
     uneven: NDArray[np.int32]
+    crowded: int
 
 
 _BACKWARD = np.int64(-(2**63))
@@ -626,15 +646,15 @@ def _resolve(mesh: _Mesh) -> _Rest:
         keys, _ = _edge_keys(triangles, count)
     repeated = len(mesh.triangles) - len(kept)
     if _is_simple(keys, count):
-        return _Rest(kept, repeated, 0, 0, none, none)
+        return _Rest(kept, repeated, 0, 0, none, none, 0)
 
     single, paired = _distinct(triangles)
     duplicates = len(kept) - len(single)
     if duplicates or len(paired) < len(single):
         kept, triangles = kept[paired], triangles[paired]
         keys, _ = _edge_keys(triangles, count)
-    odd, uneven = _flawed_edges(keys, count)
-    return _Rest(kept, repeated, duplicates, len(single) - len(paired), odd, uneven)
+    odd, uneven, crowded = _flawed_edges(keys, count)
+    return _Rest(kept, repeated, duplicates, len(single) - len(paired), odd, uneven, crowded)
 
 
 def _widths(count: int) -> tuple[int, int]:
@@ -725,8 +745,10 @@ def _distinct(triangles: NDArray[np.int32]) -> tuple[NDArray[np.intp], NDArray[n
 
 def _flawed_edges(
     keys: NDArray[np.int64], count: int
-) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-    """The edges with an odd number of triangles, and those not used equally often both ways."""
+) -> tuple[NDArray[np.int32], NDArray[np.int32], int]:
+    """The edges with an odd number of triangles, those not used equally often both ways, and
+    the number of edges with more than two triangles.
+    """
     bits, spare = _widths(count)
     backward = (keys < 0).astype(np.int64)
     # An edge needs at most 62 bits: there is room for its direction below.
@@ -739,7 +761,7 @@ def _flawed_edges(
     edges = edges[starts]
     pairs = np.stack([edges >> np.int64(bits), edges & np.int64((1 << bits) - 1)], axis=1)
     pairs = pairs.astype(np.int32)
-    return pairs[uses % 2 == 1], pairs[2 * back != uses]
+    return pairs[uses % 2 == 1], pairs[2 * back != uses], int((uses > 2).sum())
 
 
 # --- two threads --------------------------------------------------------------------------------
