@@ -168,7 +168,8 @@ class Grid:
     def centers(self, indices: ArrayLike) -> NDArray[np.float64]:
         """Return the centre of each voxel (i, j, k); (n, 3) float64."""
         cells = np.asarray(indices, dtype=np.float64)
-        return np.asarray(self.origin) + (cells + 0.5) * np.asarray(self.spacing)
+        centers: NDArray[np.float64] = np.array(self.origin) + (cells + 0.5) * self.spacing
+        return centers
 
 
 @dataclass(frozen=True)

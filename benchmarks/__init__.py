@@ -1,0 +1,1 @@
+"""Timings beside other libraries: what the published figures are made with."""

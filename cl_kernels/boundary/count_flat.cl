@@ -1,0 +1,27 @@
+/*
+ * boundary/count_flat.cl: triangles without area on the lattice.
+ *
+ * Host:       clvox/ops/boundary.py, count_flat()
+ * Reference:  tests/kernels/test_boundary.py, in Python integers
+ * Tests:      tests/kernels/test_boundary.py
+ * Defines:    RUN  triangles per work-item
+ */
+
+/* One work-item counts RUN triangles.
+ * faces: (m, 3) int32, vertices: (n, 3) int32, on the lattice.  counts: (ceil(m / RUN),) uint32. */
+__kernel void count_flat(
+    const ulong n, const __global int *restrict faces, const __global int *restrict vertices,
+    __global uint *restrict counts)
+{
+    const ulong start = get_global_id(0) * RUN;
+    if (start >= n) return;
+    uint count = 0;
+    for (ulong triangle = start; triangle < min(start + RUN, n); ++triangle) {
+        const int3 a = vload3((ulong)faces[3 * triangle], vertices);
+        const long3 b = convert_long3(vload3((ulong)faces[3 * triangle + 1], vertices) - a);
+        const long3 c = convert_long3(vload3((ulong)faces[3 * triangle + 2], vertices) - a);
+        /* Products of differences below 2^24: exact. */
+        count += b.y * c.z == b.z * c.y && b.z * c.x == b.x * c.z && b.x * c.y == b.y * c.x;
+    }
+    counts[get_global_id(0)] = count;
+}

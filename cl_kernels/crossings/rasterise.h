@@ -1,0 +1,90 @@
+/*
+ * crossings/rasterise.h: every crossing of the rays in a box with one triangle.
+ *
+ * Included twice, with EDGE = int for triangles whose edge functions fit 32 bits and with
+ * EDGE = long for all others; the answers are the same.  Before the first inclusion a sink is
+ * defined: a type Sink and a function cross(Sink *, int u, int v, int slot).
+ *
+ * Rays are STEP apart, so an edge function W changes by whole multiples of STEP from ray to ray:
+ * E = (W - t) >> STEP_BITS is stepped, with t = 0 if the edge owns its rays and 1 if not, and
+ * W = (E << STEP_BITS) + rest for a `rest` that is constant along the edge.  W - t >= 0 is E >= 0.
+ *
+ * The slot is the number of moved centres before the crossing.  On a covered ray the weights are
+ * not negative and sum to the area, so the float estimate of the depth is within 14 * 2^-24 *
+ * (Z + 1) voxels of the truth, Z being the triangle's extent in depth; `doubt` is larger than
+ * that.  Where it leaves the side of the nearest centre open, the sign of the exact residual
+ * decides: |residual| <= area * STEP <= 2^62, so arithmetic modulo 2^64 keeps its sign.
+ *
+ * Defines:    EDGE, RASTERISE  type of the edge functions and name of the function
+ */
+static void RASTERISE(Sink *sink, const Facet f, const int4 box)
+{
+    #pragma OPENCL FP_CONTRACT OFF
+    const int2 ab = f.b.xy - f.a.xy;
+    const int2 bc = f.c.xy - f.b.xy;
+    const int2 ca = f.a.xy - f.c.xy;
+    const int2 p = box.xy << STEP_BITS;
+    const long ta = edge_owns(bc) ? 0 : 1;
+    const long tb = edge_owns(ca) ? 0 : 1;
+    const long tc = edge_owns(ab) ? 0 : 1;
+    const long wa = (long)bc.x * (p.y - f.b.y) - (long)bc.y * (p.x - f.b.x) - ta;
+    const long wb = (long)ca.x * (p.y - f.c.y) - (long)ca.y * (p.x - f.c.x) - tb;
+    const long wc = (long)ab.x * (p.y - f.a.y) - (long)ab.y * (p.x - f.a.x) - tc;
+    EDGE row_a = (EDGE)(wa >> STEP_BITS);
+    EDGE row_b = (EDGE)(wb >> STEP_BITS);
+    EDGE row_c = (EDGE)(wc >> STEP_BITS);
+
+    /* A box that is only a part of the triangle's may lie beside it altogether. */
+    const EDGE du = box.z - box.x;
+    const EDGE dv = box.w - box.y;
+    if (row_a + max(bc.x, 0) * dv + max(-bc.y, 0) * du < 0) return;
+    if (row_b + max(ca.x, 0) * dv + max(-ca.y, 0) * du < 0) return;
+    if (row_c + max(ab.x, 0) * dv + max(-ab.y, 0) * du < 0) return;
+
+    const long rest_a = (wa & (STEP - 1)) + ta;
+    const long rest_b = (wb & (STEP - 1)) + tb;
+    const int d0 = f.a.z - f.c.z;
+    const int d1 = f.b.z - f.c.z;
+    const int base_slot = f.c.z >> STEP_BITS;
+    const int base_rest = f.c.z & (STEP - 1);
+    const float scale = 1.0f / ((float)f.area * (float)STEP);
+    const float scale_0 = (float)d0 * scale;
+    const float scale_1 = (float)d1 * scale;
+    const float slope_a = scale_0 * (float)STEP;
+    const float slope_b = scale_1 * (float)STEP;
+    const float base = (float)base_rest / (float)STEP
+                     + (float)rest_a * scale_0 + (float)rest_b * scale_1;
+    const float doubt
+        = ((float)max(abs(d0), abs(d1)) / (float)STEP + 1.0f) * (1.0f / (float)(1 << 19));
+    const long tie = tie_bit(f);
+
+    for (int u = box.x; u <= box.z; ++u) {
+        EDGE ea = row_a;
+        EDGE eb = row_b;
+        EDGE ec = row_c;
+        for (int v = box.y; v <= box.w; ++v) {
+            if ((ea | eb | ec) >= 0) {
+                const float estimate = (float)ea * slope_a + (float)eb * slope_b + base;
+                const float nearest = rint(estimate);
+                const float beyond = estimate - nearest;
+                const int m = (int)nearest;
+                bool after = beyond > 0.0f;
+                if (fabs(beyond) <= doubt) {
+                    const ulong weight_a = ((ulong)(long)ea << STEP_BITS) + (ulong)rest_a;
+                    const ulong weight_b = ((ulong)(long)eb << STEP_BITS) + (ulong)rest_b;
+                    const ulong residual = weight_a * (ulong)(long)d0
+                                         + weight_b * (ulong)(long)d1
+                                         + (ulong)f.area * (ulong)((long)base_rest - (long)m * STEP);
+                    after = (long)residual > -tie;
+                }
+                cross(sink, u, v, base_slot + m + after);
+            }
+            ea += bc.x;
+            eb += ca.x;
+            ec += ab.x;
+        }
+        row_a -= bc.y;
+        row_b -= ca.y;
+        row_c -= ab.y;
+    }
+}

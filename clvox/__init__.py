@@ -1,0 +1,91 @@
+"""Exact multi-level voxel models of closed meshes, on any OpenCL device.
+
+The names below are all that is public.  They are loaded when they are first used, so that
+importing clvox neither looks for an OpenCL driver nor loads the libraries that meshes need.
+"""
+
+from __future__ import annotations
+
+import sys
+from importlib import import_module
+from types import ModuleType
+from typing import TYPE_CHECKING
+
+from clvox._version import __version__
+from clvox.errors import (
+    ClvoxError,
+    DeviceError,
+    FormatError,
+    GridError,
+    KernelBuildError,
+    MeshError,
+    NotClosedError,
+    NotOrientedError,
+    OutOfMemoryError,
+)
+from clvox.grid import Grid
+
+if TYPE_CHECKING:
+    from clvox.device import devices
+    from clvox.mesh import load
+    from clvox.models import VoxelModel, count_crossings, open, voxelize  # noqa: A004
+    from clvox.render import render
+
+__all__ = [
+    "ClvoxError",
+    "DeviceError",
+    "FormatError",
+    "Grid",
+    "GridError",
+    "KernelBuildError",
+    "MeshError",
+    "NotClosedError",
+    "NotOrientedError",
+    "OutOfMemoryError",
+    "VoxelModel",
+    "__version__",
+    "count_crossings",
+    "devices",
+    "load",
+    "open",
+    "render",
+    "voxelize",
+]
+
+_HOMES = {
+    "VoxelModel": "clvox.models",
+    "count_crossings": "clvox.models",
+    "devices": "clvox.device",
+    "load": "clvox.mesh",
+    "open": "clvox.models",
+    "render": "clvox.render",
+    "voxelize": "clvox.models",
+}
+
+
+class _Package(ModuleType):
+    """Lets a verb bear the name of the module it lives in, as `render` does.
+
+    Importing a submodule sets it as an attribute of its package, which would hide the verb.
+    """
+
+    def __setattr__(self, name: str, value: object) -> None:
+        if not (name in _HOMES and isinstance(value, ModuleType)):
+            super().__setattr__(name, value)
+
+
+sys.modules[__name__].__class__ = _Package
+
+
+if not TYPE_CHECKING:  # A type checker would believe that every name is there.
+
+    def __getattr__(name: str) -> object:
+        if name not in _HOMES:
+            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+        value = getattr(import_module(_HOMES[name]), name)
+        globals()[name] = value
+        return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

@@ -1,0 +1,134 @@
+"""Which OpenCL devices there are, and which one is meant."""
+
+from __future__ import annotations
+
+import os
+import platform
+from dataclasses import dataclass, field
+from typing import TypeAlias
+
+import pyopencl as cl
+
+from clvox.device._pocl import name_processor
+from clvox.errors import DeviceError
+
+DeviceLike: TypeAlias = "str | int | Device | None"
+
+
+@dataclass(frozen=True)
+class Device:
+    """An OpenCL device.
+
+    Attributes
+    ----------
+    name, platform, version : str
+        As the driver gives them.
+    kind : str
+        "gpu", "cpu" or "accelerator".
+    memory, largest_allocation : int
+        Bytes of memory, and of the largest single buffer.
+    units : int
+        Compute units.
+    """
+
+    name: str
+    platform: str
+    version: str
+    kind: str
+    memory: int
+    largest_allocation: int
+    units: int
+    handle: cl.Device = field(repr=False, compare=False)
+
+    def __str__(self) -> str:
+        return f"{self.platform} / {self.name}"
+
+
+def devices() -> list[Device]:
+    """Return every OpenCL device of this machine: GPUs first, then the others.
+
+    Raises
+    ------
+    DeviceError
+        There is no OpenCL driver, or no driver has a device; the message says what to install.
+    """
+    try:
+        platforms = cl.get_platforms()
+    except cl.Error:
+        platforms = []
+    found = [_describe(handle) for driver in platforms for handle in _handles(driver)]
+    if not found:
+        raise DeviceError(f"no OpenCL device was found. {_advice()}")
+    return sorted(found, key=lambda device: device.kind != "gpu")
+
+
+def choose(wanted: DeviceLike = None) -> Device:
+    """Return the device that is meant.
+
+    Parameters
+    ----------
+    wanted : str, int or Device, optional
+        A number of the list that `devices` gives, a kind ("gpu", "cpu"), or a part of a device's
+        name, platform or version, in any case.  Without it the environment's ``CLVOX_DEVICE``
+        decides, and without that the first GPU or else the first device.
+
+    Raises
+    ------
+    DeviceError
+        No device matches what was asked for; the message lists the devices that there are.
+    """
+    if isinstance(wanted, Device):
+        return wanted
+    present = devices()
+    if wanted is None:
+        wanted = os.environ.get("CLVOX_DEVICE") or None
+    if wanted is None:
+        return present[0]
+    text = str(wanted).strip().lower()
+    if text.isdigit():
+        matching = present[int(text) : int(text) + 1]
+    else:
+        matching = [device for device in present if text == device.kind] or [
+            device for device in present if text in f"{device} {device.version}".lower()
+        ]
+    if not matching:
+        here = "; ".join(f"{number}: {device}" for number, device in enumerate(present))
+        raise DeviceError(f"no OpenCL device matches {wanted!r}; devices here: {here}")
+    return matching[0]
+
+
+def _handles(driver: cl.Platform) -> list[cl.Device]:
+    try:
+        return driver.get_devices()
+    except cl.Error:
+        # A platform without devices says so by an error.
+        return []
+
+
+def _describe(handle: cl.Device) -> Device:
+    name_processor(handle)
+    kinds = {cl.device_type.GPU: "gpu", cl.device_type.CPU: "cpu"}
+    kind = next((word for bit, word in kinds.items() if handle.type & bit), "accelerator")
+    return Device(
+        name=handle.name.strip(),
+        platform=handle.platform.name.strip(),
+        version=handle.version.strip(),
+        kind=kind,
+        memory=handle.global_mem_size,
+        largest_allocation=handle.max_mem_alloc_size,
+        units=handle.max_compute_units,
+        handle=handle,
+    )
+
+
+def _advice() -> str:
+    """What to install on this system to have a device."""
+    system = platform.system()
+    if system == "Linux":
+        return (
+            "Install one with pip install 'clvox[pocl]' (x86-64) or 'clvox[intel]' (x86-64), with "
+            "apt install pocl-opencl-icd, or install your GPU vendor's driver."
+        )
+    if system == "Windows":
+        return "Install your GPU vendor's driver, or pip install 'clvox[intel]' for the processor."
+    return "macOS has its own OpenCL; elsewhere install your GPU vendor's driver or PoCL."

@@ -1,0 +1,191 @@
+"""One device, its queue, its programs and its memory."""
+
+from __future__ import annotations
+
+import re
+import threading
+from typing import Any, TypeAlias
+
+import numpy as np
+import pyopencl as cl
+import pyopencl.array as cla
+from numpy.typing import DTypeLike, NDArray
+from pyopencl.tools import ImmediateAllocator, MemoryPool
+
+from clvox.device.choice import Device, DeviceLike, choose
+from clvox.device.source import read_source
+from clvox.errors import DeviceError, KernelBuildError, OutOfMemoryError
+
+Argument: TypeAlias = "cla.Array | np.generic"
+"""What a kernel takes: an array on the device, or a NumPy scalar, which has a width."""
+
+GROUP = 64
+"""Work-items per group, unless an operation says otherwise."""
+
+_OPTIONS = ["-cl-std=CL1.2", "-Werror"]
+_COMPLAINT = re.compile(r"\s*error:|.*:\d+:\d+: ")
+
+
+class Session:
+    """One device with one in-order queue.
+
+    Work is queued and not waited for; whoever reads a result waits.  Memory comes from a pool, so
+    that a second job of the same size allocates nothing new; `nbytes` and `peak_nbytes` count
+    what is in use.
+    """
+
+    def __init__(self, device: Device) -> None:
+        if not device.handle.endian_little:
+            raise DeviceError(f"{device} is big-endian; clvox needs a little-endian device")
+        self.device = device
+        self.builds = 0
+        """Programs built so far."""
+        self.peak_nbytes = 0
+        """Most bytes that were in use at once, since the start or the last `reset_peak`."""
+        self._lock = threading.RLock()
+        self._context = cl.Context([device.handle])
+        self._queue = cl.CommandQueue(self._context)
+        self._pool = MemoryPool(ImmediateAllocator(self._queue))
+        self._kernels: dict[tuple[Any, ...], cl.Kernel] = {}
+
+    def __repr__(self) -> str:
+        return f"Session({self.device})"
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes of device memory in use."""
+        return int(self._pool.active_bytes)
+
+    @property
+    def blocks(self) -> int:
+        """Blocks of device memory allocated, in use or kept for the next job."""
+        return int(self._pool.active_blocks + self._pool.held_blocks)
+
+    def reset_peak(self) -> None:
+        """Let `peak_nbytes` start again from what is in use now."""
+        self.peak_nbytes = self.nbytes
+
+    def free(self) -> None:
+        """Give memory that is not in use back to the driver."""
+        with self._lock:
+            self._pool.free_held()
+
+    def empty(self, shape: int | tuple[int, ...], dtype: DTypeLike) -> cla.Array:
+        """Return an array on the device, its content undefined.
+
+        Raises
+        ------
+        OutOfMemoryError
+            The device does not allow a buffer of this size, or has no room left.
+        """
+        nbytes = int(np.prod(shape, dtype=np.int64)) * np.dtype(dtype).itemsize
+        if nbytes > self.device.largest_allocation:
+            raise OutOfMemoryError(
+                f"an array of {nbytes:,} bytes is needed at once; {self.device} allows "
+                f"{self.device.largest_allocation:,} per buffer. Use a coarser pitch or larger "
+                "bricks."
+            )
+        with self._lock:
+            try:
+                array = cla.empty(self._queue, shape, dtype, allocator=self._pool)
+            except (cl.MemoryError, cl.RuntimeError) as error:
+                raise OutOfMemoryError(
+                    f"{self.device} has no room for {nbytes:,} bytes more; {self.nbytes:,} are in "
+                    "use. Use a coarser pitch, or drop models that are no longer needed."
+                ) from error
+            self.peak_nbytes = max(self.peak_nbytes, self.nbytes)
+        return array
+
+    def zeros(self, shape: int | tuple[int, ...], dtype: DTypeLike) -> cla.Array:
+        """Return an array of whole 32-bit words on the device, cleared by a kernel of our own.
+
+        Drivers' own fills reach half the speed of a kernel, and tools that watch memory do not
+        count them as writes.
+        """
+        array = self.empty(shape, dtype)
+        words, rest = divmod(array.nbytes, 4)
+        if rest:
+            raise TypeError(f"{array.nbytes} bytes are not whole words")
+        if words:
+            self.run(self.kernel("buffers/clear.cl", "clear"), words, np.uint64(words), array)
+        return array
+
+    def upload(self, host: NDArray[Any]) -> cla.Array:
+        """Return a copy of *host* on the device."""
+        array = self.empty(host.shape, host.dtype)
+        if host.size:
+            array.set(np.ascontiguousarray(host), self._queue)
+        return array
+
+    def kernel(self, file: str, name: str, **defines: int) -> cl.Kernel:
+        """Return kernel *name* of *file*, built with *defines*; built once per session.
+
+        Raises
+        ------
+        KernelBuildError
+            The kernel does not build; the message holds the compiler's words.
+        """
+        key = (file, name, *sorted(defines.items()))
+        with self._lock:
+            if key not in self._kernels:
+                program = self._build(file, defines)
+                for kernel in program.all_kernels():
+                    self._kernels[file, kernel.function_name, *sorted(defines.items())] = kernel
+            return self._kernels[key]
+
+    def run(
+        self, kernel: cl.Kernel, count: int, *arguments: Argument, group: int | None = None
+    ) -> None:
+        """Queue *kernel* for *count* work-items, rounded up to whole groups.
+
+        A bare Python number is refused: it has no width.
+        """
+        values = [_value(argument) for argument in arguments]
+        size = min(group or GROUP, self.device.handle.max_work_group_size)
+        with self._lock:
+            # Arguments are state of the kernel object: set and queued under one lock.
+            kernel.set_args(*values)
+            cl.enqueue_nd_range_kernel(self._queue, kernel, (-(-count // size) * size,), (size,))
+
+    def finish(self) -> None:
+        """Wait until everything queued is done."""
+        self._queue.finish()
+
+    def _build(self, file: str, defines: dict[str, int]) -> cl.Program:
+        options = _OPTIONS + [f"-D{name}={value}" for name, value in sorted(defines.items())]
+        program = cl.Program(self._context, read_source(file))
+        try:
+            program.build(options)
+        except cl.RuntimeError as error:
+            lines = str(error).splitlines()
+            words = [line for line in lines if _COMPLAINT.match(line)] or lines
+            raise KernelBuildError(
+                "\n    ".join(
+                    [f"{file} does not build on {self.device} with {' '.join(options)}:", *words]
+                )
+            ) from error
+        self.builds += 1
+        return program
+
+
+def _value(argument: Argument) -> cl.MemoryObjectHolder | np.generic | None:
+    """What OpenCL is given for an argument."""
+    if isinstance(argument, cla.Array):
+        return argument.base_data
+    if isinstance(argument, np.generic):
+        return argument
+    raise TypeError(f"a kernel takes arrays and NumPy scalars, not {argument!r}")
+
+
+_sessions: dict[int, Session] = {}
+_sessions_lock = threading.Lock()
+
+
+def open_session(device: DeviceLike = None) -> Session:
+    """Return this process's session for the device that is meant: see `choose`."""
+    chosen = choose(device)
+    with _sessions_lock:
+        key = chosen.handle.int_ptr
+        if key not in _sessions:
+            _sessions[key] = Session(chosen)
+        return _sessions[key]

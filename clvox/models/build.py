@@ -1,0 +1,353 @@
+"""From a mesh to a voxel model."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike
+from tqdm import tqdm
+
+from clvox.device import DeviceLike, Session, open_session
+from clvox.errors import GridError
+from clvox.grid import Axis, Grid, Lattice, Shape
+from clvox.mesh import MeshLike, Surface, check
+from clvox.models.voxels import Report, VoxelModel
+from clvox.ops import boundary, crossings, dense
+from clvox.ops.facets import Facets, Progress, upload_facets
+from clvox.ops.layout import Bricks, VoxelArrays, cell_shape, words_for
+from clvox.ops.multilevel import carry, rank_cells
+
+Levels: TypeAlias = Sequence[ArrayLike]
+
+MOST_CELLS = 1 << 27
+"""Most cells of a coarse grid; finer grids get larger bricks."""
+
+MOST_SIDE = 64
+"""Longest side of a brick, in voxels."""
+
+BRICK_SIDES = 8, 16, 32, 64
+"""Sides of the bricks tried by default, the fastest first."""
+
+
+def voxelize(
+    mesh: MeshLike,
+    *,
+    resolution: int | None = None,
+    pitch: ArrayLike | None = None,
+    grid: Grid | None = None,
+    levels: Levels | None = None,
+    lattice_bits: int | None = None,
+    device: DeviceLike = None,
+    progress: bool | Progress | None = None,
+) -> VoxelModel:
+    """Return the voxels whose samples lie inside a closed mesh.
+
+    The sample of a voxel is its centre, moved by an infinitesimal that breaks all ties, so that
+    a centre exactly on a surface is in or out by rule and never by rounding.  The answer is exact
+    for the mesh with its vertices moved to the lattice (by at most half a lattice step, see
+    `Lattice.step`), and the same bits on every device.  Where bodies overlap, an odd number of
+    them is inside (parity).
+
+    Parameters
+    ----------
+    mesh : trimesh.Trimesh, path, or (vertices, faces)
+        Closed: every edge belongs to an even number of triangles.
+    resolution, pitch
+        As for `Grid.fit`: voxels along the longest side of the mesh, or width of a voxel.
+    grid : Grid
+        Where the voxels are; it may be smaller than the mesh, or beside it.  Give one of the
+        three, or *levels* alone, whose voxels then fill the mesh's bounding box exactly.
+    levels : sequence of (3,) int, optional
+        ``[(N0x, N0y, N0z), (n1x, n1y, n1z)]``: cells of the coarse grid, and voxels in each of
+        them, 1 to 64 along a side.  One entry alone, the grid's shape, asks for a dense grid of
+        bits.  By default bricks of 8 x 8 x 8, and larger ones once those would need more than
+        2**27 cells.
+    lattice_bits : int, optional
+        Steps of the lattice in a voxel, as a power of two from 7 to 14; by default as many as
+        fit.  Models that are to be combined share it.
+    device : str, int or Device, optional
+        See `devices`; by default the environment's ``CLVOX_DEVICE``, a GPU, or a processor.
+    progress : bool or callable, optional
+        True draws a bar; a function is called with (done, total).  An exception that it raises
+        ends the work.
+
+    Returns
+    -------
+    VoxelModel
+
+    Raises
+    ------
+    NotClosedError
+        An edge belongs to an odd number of triangles.
+    MeshError
+        No triangles, a vertex that is not finite, or no extent along some axis.
+    GridError
+        The grid's numbers make no sense, do not agree with *levels*, or mesh and grid together
+        span more voxels than the lattice can tell apart.
+    DeviceError, OutOfMemoryError
+        There is no such device, or it has no room.
+
+    References
+    ----------
+    G. Young, "Multi-level voxel representation for GPU-accelerated solid modeling", MSc thesis,
+    Iowa State University, 2017.
+
+    Examples
+    --------
+    >>> import clvox, trimesh
+    >>> ball = trimesh.creation.icosphere(radius=10.0)
+    >>> model = clvox.voxelize(ball, resolution=64)
+    >>> bool(model.contains([[0.0, 0.0, 0.0]])[0])
+    True
+    """
+    surface = check(mesh)
+    surface.require_closed()
+    if grid is None and resolution is None and pitch is None and levels is not None:
+        grid = _box_of(surface, levels)
+    elif grid is None:
+        grid = Grid.fit(surface, resolution=resolution, pitch=pitch)
+    elif resolution is not None or pitch is not None:
+        raise GridError("give one of grid=, resolution= and pitch=")
+    shapes = resolve_levels(grid.shape, levels)
+    lattice = Lattice.fit(grid, surface.bounds, bits=lattice_bits)
+    session = open_session(device)
+    with _told(progress, 2 * len(surface.faces)) as tell:
+        return _build(session, surface, lattice, shapes, tell)
+
+
+def count_crossings(
+    mesh: MeshLike,
+    *,
+    grid: Grid,
+    axis: Axis = "y",
+    lattice_bits: int | None = None,
+    device: DeviceLike = None,
+) -> np.ndarray[Any, np.dtype[np.uint32]]:
+    """Return how many triangles of *mesh* each ray along *axis* crosses.
+
+    Rays run through the voxel centres of *grid* and beyond it, without end.  On a closed mesh
+    every count is even, whatever vertices, edges or degenerate triangles a ray runs through.
+
+    Parameters
+    ----------
+    mesh : trimesh.Trimesh, path, or (vertices, faces)
+        In the length unit of *grid*; open meshes are welcome here.
+    grid : Grid
+        The voxels whose centres the rays join.  It may be smaller than the mesh.
+    axis : "x", "y" or "z"
+    lattice_bits, device
+        As for `voxelize`.
+
+    Returns
+    -------
+    ndarray of uint32
+        Shape: the grid's [z, y, x] without *axis*; for rays along y, (nz, nx).
+
+    Raises
+    ------
+    MeshError
+        No triangles, or a vertex that is not finite.
+    GridError
+        Mesh and grid together span more voxels than the lattice can tell apart.
+
+    References
+    ----------
+    M. Schwarz and H.-P. Seidel, "Fast parallel surface and solid voxelization on GPUs", ACM
+    Transactions on Graphics 29(6), 2010.
+
+    Examples
+    --------
+    >>> import clvox, trimesh
+    >>> ball = trimesh.creation.icosphere(radius=10.0)
+    >>> counts = clvox.count_crossings(ball, grid=clvox.Grid.fit(ball, pitch=0.5))
+    >>> bool((counts % 2).any())
+    False
+    """
+    if axis not in ("x", "y", "z"):
+        raise GridError(f"axis must be 'x', 'y' or 'z', got {axis!r}")
+    surface = check(mesh)
+    lattice = Lattice.fit(grid, surface.bounds, bits=lattice_bits)
+    session = open_session(device)
+    facets = upload_facets(session, lattice.snap(surface.vertices), surface.faces)
+    counts = crossings.count_crossings(session, facets, lattice.bits, grid.shape, "xyz".index(axis))
+    result: np.ndarray[Any, np.dtype[np.uint32]] = counts.get()
+    return result
+
+
+def resolve_levels(shape: Shape, levels: Levels | None) -> tuple[Shape, ...]:
+    """Return the shapes of the levels asked for, or of the default ones, for *shape* voxels.
+
+    Raises
+    ------
+    GridError
+        The levels do not hold *shape*, or a brick's side is not between 1 and 64 voxels.
+    """
+    if levels is None:
+        for side in BRICK_SIDES:
+            brick = (side, side, side)
+            cells = cell_shape(shape, brick)
+            if cells[0] * cells[1] * cells[2] <= MOST_CELLS:
+                return cells, brick
+        raise GridError(
+            f"a grid of {shape} voxels needs more than {MOST_CELLS} cells of {MOST_SIDE} voxels a "
+            "side. Use a coarser pitch."
+        )
+    shapes = _shapes(levels)
+    if len(shapes) == 1 and shapes[0] != shape:
+        raise GridError(f"one level must have the grid's shape {shape}, got {shapes[0]}")
+    if len(shapes) == 2:
+        if max(shapes[1]) > MOST_SIDE:
+            raise GridError(f"a brick has 1 to {MOST_SIDE} voxels a side, got {shapes[1]}")
+        if shapes[0] != (needed := cell_shape(shape, shapes[1])):
+            raise GridError(
+                f"a grid of {shape} voxels has {needed} cells of {shapes[1]}; levels say "
+                f"{shapes[0]}"
+            )
+    return shapes
+
+
+@dataclass
+class _Stages:
+    """Seconds per stage of a build; each ends with the device idle."""
+
+    session: Session
+    seconds: dict[str, float] = field(default_factory=dict)
+
+    @contextmanager
+    def stage(self, name: str) -> Iterator[None]:
+        start = time.perf_counter()
+        yield
+        self.session.finish()
+        self.seconds[name] = self.seconds.get(name, 0.0) + time.perf_counter() - start
+
+
+def _build(
+    session: Session,
+    surface: Surface,
+    lattice: Lattice,
+    levels: tuple[Shape, ...],
+    tell: Progress | None,
+) -> VoxelModel:
+    session.reset_peak()
+    stages = _Stages(session)
+    with stages.stage("snap"):
+        vertices = lattice.snap(surface.vertices)
+    with stages.stage("upload"):
+        facets = upload_facets(session, vertices, surface.faces)
+        collapsed = boundary.count_flat(session, facets)
+    build = _build_dense if len(levels) == 1 else _build_bricks
+    arrays, odd_rays, disagreements = build(session, facets, lattice, levels, stages, tell)
+    warnings = list(surface.warnings)
+    if odd_rays or disagreements:
+        warnings.append(
+            f"{odd_rays} rays cross the mesh an odd number of times and {disagreements} untouched "
+            "cells are in and out at once: please report this mesh"
+        )
+    report = Report(
+        device=str(session.device),
+        seconds=stages.seconds,
+        triangles=len(surface.faces),
+        repeated=surface.repeated,
+        duplicates=surface.duplicates,
+        cancelled=surface.cancelled,
+        collapsed=collapsed,
+        odd_rays=odd_rays,
+        lattice_bits=lattice.bits,
+        peak_nbytes=session.peak_nbytes,
+        warnings=tuple(warnings),
+    )
+    return VoxelModel(session, lattice.grid, arrays, report, surface, lattice)
+
+
+def _build_bricks(
+    session: Session,
+    facets: Facets,
+    lattice: Lattice,
+    levels: tuple[Shape, ...],
+    stages: _Stages,
+    tell: Progress | None,
+) -> tuple[VoxelArrays, int, int]:
+    shape = lattice.grid.shape
+    cell_counts, brick = levels
+    with stages.stage("mark"):
+        marks = boundary.mark_cells(
+            session, facets, lattice.bits, shape, brick, progress=_part(tell, 0)
+        )
+    with stages.stage("rank"):
+        cells = rank_cells(session, marks, cell_counts, brick)
+    with stages.stage("clear"):
+        bricks = Bricks.cleared(session, cells)
+    with stages.stage("flip"):
+        crossings.flip_bricks(session, facets, lattice.bits, cells, bricks, progress=_part(tell, 1))
+    with stages.stage("carry"):
+        solid = carry(session, cells, bricks, shape)
+    arrays = VoxelArrays(shape, bricks.voxels, cells, solid.inside)
+    return arrays, solid.odd_rays, solid.disagreements
+
+
+def _build_dense(
+    session: Session,
+    facets: Facets,
+    lattice: Lattice,
+    levels: tuple[Shape, ...],
+    stages: _Stages,
+    tell: Progress | None,
+) -> tuple[VoxelArrays, int, int]:
+    (shape,) = levels
+    nx, ny, nz = shape
+    with stages.stage("clear"):
+        voxels = session.zeros((nz, ny, words_for(nx)), np.uint32)
+        beyond = session.zeros((nz, words_for(nx)), np.uint32)
+    with stages.stage("flip"):
+        crossings.flip_dense(
+            session, facets, lattice.bits, shape, voxels, beyond, progress=_part(tell, 1)
+        )
+    with stages.stage("carry"):
+        odd_rays = dense.fill(session, voxels, beyond)
+    return VoxelArrays(shape, voxels), odd_rays, 0
+
+
+def _box_of(surface: Surface, levels: Levels) -> Grid:
+    """The grid that the levels cut the mesh's bounding box into, without padding."""
+    shapes = _shapes(levels)
+    shape = np.prod(np.array(shapes, dtype=np.int64), axis=0)
+    low, high = surface.bounds
+    return Grid(low, (high - low) / shape, shape)
+
+
+def _shapes(levels: Levels) -> tuple[Shape, ...]:
+    try:
+        shapes = np.array(list(levels))
+    except (TypeError, ValueError):
+        shapes = np.array(None)
+    if shapes.dtype.kind not in "iu" or shapes.ndim != 2 or shapes.shape[1] != 3:
+        raise GridError(f"levels must be triples of integers, got {levels!r}")
+    if not 1 <= len(shapes) <= 2:
+        raise GridError(f"a model has one or two levels, got {len(shapes)}")
+    if shapes.min() < 1:
+        raise GridError(f"levels must be positive, got {levels!r}")
+    return tuple((int(x), int(y), int(z)) for x, y, z in shapes)
+
+
+def _part(tell: Progress | None, part: int) -> Progress | None:
+    """Progress of one of two passes over the triangles, as progress of the whole."""
+    if tell is None:
+        return None
+    return lambda done, total: tell(part * total + done, 2 * total)
+
+
+@contextmanager
+def _told(progress: bool | Progress | None, total: int) -> Iterator[Progress | None]:
+    """Whom to tell of progress: the caller's function, a bar, or nobody."""
+    if not isinstance(progress, bool):
+        yield progress
+    elif not progress:
+        yield None
+    else:
+        with tqdm(total=total, unit=" triangles", unit_scale=True, desc="voxelize") as bar:
+            yield lambda done, _: bar.update(done - bar.n)

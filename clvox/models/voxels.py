@@ -1,0 +1,437 @@
+"""The voxel model: a frozen value, each property a thin call of one operation."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any, Literal, TypeAlias
+
+import numpy as np
+import pyopencl.array as cla
+import trimesh
+from numpy.typing import ArrayLike, NDArray
+
+from clvox import surface as surfaces
+from clvox.device import DeviceLike, Session, open_session
+from clvox.errors import GridError, MeshError
+from clvox.grid import Grid, Lattice, Shape
+from clvox.mesh import Surface
+from clvox.models import archive
+from clvox.ops import measure, pack, query
+from clvox.ops.boundary import mark_cells, mark_voxels
+from clvox.ops.facets import Progress, upload_facets
+from clvox.ops.layout import VoxelArrays
+from clvox.ops.query import Rule
+
+OUTSIDE, INSIDE, BOUNDARY = 0, 1, 2
+"""What `VoxelModel.classify` and coarse levels say."""
+
+RuleName: TypeAlias = Literal["centre", "touch", "within"]
+_RULES = {"centre": Rule.CENTRE, "touch": Rule.TOUCH, "within": Rule.WITHIN}
+
+SLAB_BYTES = 1 << 26
+"""About how much of an expanded model is on the device at once."""
+
+
+@dataclass(frozen=True)
+class Report:
+    """How a model was built.
+
+    Attributes
+    ----------
+    device : str
+    seconds : dict
+        Seconds per stage: snap, upload, mark, rank, clear, flip, carry.
+    triangles : int
+        Triangles cast; `repeated` were dropped since a vertex number repeats, of `duplicates`
+        one each was kept, and `cancelled` lay back to back.
+    collapsed : int
+        Triangles without area on the lattice; they are kept, since they hold surfaces shut.
+    odd_rays : int
+        Rays that cross the mesh an odd number of times: 0 on a closed mesh.
+    lattice_bits : int
+        Steps of the lattice in a voxel, as a power of two.
+    peak_nbytes : int
+        Most bytes of device memory in use while it was built.
+    warnings : tuple of str
+        What a user should know about the mesh.
+    """
+
+    device: str
+    seconds: dict[str, float] = field(default_factory=dict)
+    triangles: int = 0
+    repeated: int = 0
+    duplicates: int = 0
+    cancelled: int = 0
+    collapsed: int = 0
+    odd_rays: int = 0
+    lattice_bits: int = 0
+    peak_nbytes: int = 0
+    warnings: tuple[str, ...] = ()
+
+
+class VoxelModel:
+    """A solid as voxels, on one level or two, on an OpenCL device.
+
+    Made by `voxelize`, `VoxelModel.from_array` and `open`; never changed afterwards.
+
+    Attributes
+    ----------
+    grid : Grid
+        Where the voxels are.
+    levels : tuple of (3,) int
+        Cells of the coarse grid and voxels in each cell; for a dense grid its shape alone.
+    report : Report
+        How the model was built.
+    """
+
+    grid: Grid
+    report: Report
+
+    def __init__(
+        self,
+        session: Session,
+        grid: Grid,
+        arrays: VoxelArrays,
+        report: Report,
+        surface: Surface | None = None,
+        lattice: Lattice | None = None,
+    ) -> None:
+        self.__dict__.update(
+            grid=grid,
+            report=report,
+            _session=session,
+            _arrays=arrays,
+            _surface=surface,
+            _lattice=lattice,
+        )
+
+    _session: Session
+    _arrays: VoxelArrays
+    _surface: Surface | None
+    _lattice: Lattice | None
+
+    def __setattr__(self, name: str, value: object) -> None:
+        raise AttributeError(f"a VoxelModel does not change: cannot set {name!r}")
+
+    @classmethod
+    def from_array(
+        cls,
+        voxels: ArrayLike,
+        grid: Grid,
+        *,
+        levels: Any = None,
+        device: DeviceLike = None,
+    ) -> VoxelModel:
+        """Return the model whose voxels are those that are true in *voxels*.
+
+        Parameters
+        ----------
+        voxels : (nz, ny, nx) bool
+            Indexed [z, y, x].
+        grid : Grid
+            Of the shape (nx, ny, nz).
+        levels, device
+            As for `voxelize`.
+
+        Raises
+        ------
+        GridError
+            The array has not the grid's shape, or *levels* do not agree with it.
+        """
+        from clvox.models.build import resolve_levels
+
+        array = np.asarray(voxels)
+        if array.shape != grid.array_shape:
+            raise GridError(
+                f"an array of this grid's voxels has the shape {grid.array_shape} (z, y, x), got "
+                f"{array.shape}"
+            )
+        array = np.ascontiguousarray(array, dtype=np.bool_)
+        session = open_session(device)
+        shapes = resolve_levels(grid.shape, levels)
+        if len(shapes) == 1:
+            arrays = pack.pack_dense(session, array)
+        else:
+            arrays = pack.pack_voxels(session, array, shapes[1])
+        return cls(session, grid, arrays, Report(device=str(session.device)))
+
+    # What it is
+
+    @property
+    def levels(self) -> tuple[Shape, ...]:
+        """Cells of the coarse grid and voxels in each cell; for a dense grid its shape alone."""
+        return self._arrays.levels
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes of device memory that the model holds."""
+        edge = self.__dict__.get("_edge")
+        return self._arrays.nbytes + (edge.nbytes if edge is not None else 0)
+
+    @property
+    def device(self) -> str:
+        """The device that holds the model."""
+        return str(self._session.device)
+
+    def __repr__(self) -> str:
+        x, y, z = self.grid.shape
+        bricks = ""
+        if len(self.levels) == 2:
+            bricks = " in cells of {} x {} x {}".format(*self.levels[1])
+        size = self.nbytes / 1e6
+        return f"VoxelModel({x} x {y} x {z} voxels{bricks}, {size:.1f} MB on {self.device})"
+
+    def __eq__(self, other: object) -> bool:
+        """Whether both have the same grid and the same voxels, on whatever levels."""
+        if not isinstance(other, VoxelModel):
+            return NotImplemented
+        if self is other:
+            return True
+        if self.grid != other.grid or self.count != other.count:
+            return False
+        slabs = zip(self._slabs(Rule.CENTRE), other._slabs(Rule.CENTRE), strict=True)
+        return all(np.array_equal(mine, theirs) for (_, mine), (_, theirs) in slabs)
+
+    def __hash__(self) -> int:
+        return hash((self.grid, self.count))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _restore, (self.to_record(), self.report, self._surface, self._lattice)
+
+    # Measures
+
+    @cached_property
+    def count(self) -> int:
+        """Number of voxels inside."""
+        return measure.count_voxels(self._session, self._arrays)
+
+    @property
+    def volume(self) -> float:
+        """Volume of the voxels inside."""
+        return self.count * self.grid.voxel_volume
+
+    @cached_property
+    def volume_bounds(self) -> tuple[float, float]:
+        """Volume of the voxels wholly inside, and of those inside or touched.
+
+        The solid within the grid's box has a volume between the two.
+
+        Raises
+        ------
+        MeshError
+            The model does not come from a mesh, so no voxel is known to be touched.
+        """
+        low, high = (
+            measure.count_voxels(self._session, self._arrays, rule, self._edge)
+            for rule in (Rule.WITHIN, Rule.TOUCH)
+        )
+        return low * self.grid.voxel_volume, high * self.grid.voxel_volume
+
+    # Questions
+
+    def contains(self, points: ArrayLike) -> NDArray[np.bool_]:
+        """Return whether each point lies in a voxel that is inside.
+
+        Parameters
+        ----------
+        points : (n, 3) float64
+            Outside of the grid, and for NaN, the answer is False.
+
+        Returns
+        -------
+        (n,) bool
+        """
+        voxels = self.grid.indices(points)
+        return query.look_up(self._session, self._arrays, voxels).view(np.bool_)
+
+    def classify(self, points: ArrayLike) -> NDArray[np.uint8]:
+        """Return 0 (outside), 1 (inside) or 2 (in a voxel that the mesh touches) for each point.
+
+        Parameters
+        ----------
+        points : (n, 3) float64
+            Outside of the grid, and for NaN, the answer is 0.
+
+        Returns
+        -------
+        (n,) uint8
+
+        Raises
+        ------
+        MeshError
+            The model does not come from a mesh, so no voxel is known to be touched.
+        """
+        voxels = self.grid.indices(points)
+        return query.look_up(self._session, self._arrays, voxels, Rule.CLASS, self._edge)
+
+    def to_array(
+        self,
+        *,
+        level: int | None = None,
+        bounds: ArrayLike | None = None,
+        rule: RuleName = "centre",
+    ) -> NDArray[Any]:
+        """Return the voxels as an array indexed [z, y, x].
+
+        Parameters
+        ----------
+        level : int, optional
+            The finest by default.  A coarse one gives the state of its cells.
+        bounds : ((i0, j0, k0), (i1, j1, k1)), optional
+            First voxel, and the one after the last; at a coarse level its cells that overlap.
+        rule : "centre", "touch" or "within"
+            Voxels whose sample is inside; those inside or touched by the mesh; or those inside
+            and not touched (Inui 2021).
+
+        Returns
+        -------
+        ndarray
+            bool at the finest level; at a coarse one uint8, 0 outside, 1 inside, 2 boundary.
+
+        Raises
+        ------
+        GridError
+            There is no such level or rule, or the bounds reach beyond the grid.
+        MeshError
+            *rule* asks for touched voxels, and the model does not come from a mesh.
+        """
+        start, stop = self._box(bounds)
+        finest = len(self.levels) - 1
+        if level is None:
+            level = finest
+        if not 0 <= level <= finest:
+            raise GridError(f"level must be from 0 to {finest}, got {level}")
+        if level < finest:
+            brick = np.array(self.levels[1])
+            low, high = np.array(start) // brick, -(-np.array(stop) // brick)
+            return query.expand_cells(
+                self._session, self._arrays, _triple(low), _triple(np.maximum(low, high))
+            )
+        slabs = [slab for _, slab in self._slabs(_rule(rule), start, stop)]
+        return slabs[0] if len(slabs) == 1 else np.concatenate(slabs)
+
+    def coordinates(self, *, rule: RuleName = "centre") -> NDArray[np.int32]:
+        """Return the voxels (i, j, k) that *rule* takes (see `to_array`), ordered by k, j, i.
+
+        Returns
+        -------
+        (n, 3) int32
+        """
+        found = []
+        for first, slab in self._slabs(_rule(rule)):
+            k, j, i = np.nonzero(slab)
+            found.append(np.stack([i, j, k + first], axis=1).astype(np.int32))
+        return np.concatenate(found)
+
+    # Ways out
+
+    def to_mesh(self, *, progress: Progress | None = None) -> trimesh.Trimesh:
+        """Return the surface of the voxels inside, by marching cubes: closed and oriented.
+
+        Vertices lie half-way between the centres of a voxel inside and one outside.  Where the
+        grid cuts the solid, the mesh is closed by a cap half a voxel beyond the last centres.
+
+        Returns
+        -------
+        trimesh.Trimesh
+            Without triangles if no voxel is inside.
+        """
+        uniform = self.to_array(level=0) if len(self.levels) == 2 else None
+        cell = self.levels[1] if len(self.levels) == 2 else (1, 1, 1)
+        vertices, faces = surfaces.extract(
+            self.grid,
+            lambda start, stop: query.expand(self._session, self._arrays, start, stop),
+            uniform,
+            cell,
+            progress=progress,
+        )
+        return trimesh.Trimesh(vertices, faces, process=False)
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write the model to *path*, a ``.npz`` file: the arrays of docs/layouts, and the grid."""
+        archive.write(path, self.to_record())
+
+    def to_record(self) -> dict[str, NDArray[Any]]:
+        """Return the grid and the arrays of the model, as docs/layouts describes them."""
+        return archive.pack(self.grid, self._arrays)
+
+    # Inside
+
+    @cached_property
+    def _edge(self) -> cla.Array:
+        """Which voxels the mesh touches, laid out like the voxels; marked when first asked for."""
+        if self._surface is None or self._lattice is None:
+            raise MeshError(
+                "this model was not made from a mesh, so no voxel is known to be touched; "
+                'rule="centre" and contains() need none'
+            )
+        vertices = self._lattice.snap(self._surface.vertices)
+        facets = upload_facets(self._session, vertices, self._surface.faces)
+        bits, shape = self._lattice.bits, self.grid.shape
+        if self._arrays.cells is None:
+            return mark_cells(self._session, facets, bits, shape, (1, 1, 1))
+        return mark_voxels(self._session, facets, bits, shape, self._arrays.cells)
+
+    def _slabs(
+        self, rule: Rule, start: Shape = (0, 0, 0), stop: Shape | None = None
+    ) -> Iterator[tuple[int, NDArray[np.bool_]]]:
+        """Voxels from *start* to before *stop*, by layers along z: first k, and [z, y, x]."""
+        (x0, y0, z0), (x1, y1, z1) = start, stop or self.grid.shape
+        edge = None if rule == Rule.CENTRE else self._edge
+        thick = max(1, SLAB_BYTES // max(1, (x1 - x0) * (y1 - y0)))
+        for k in range(z0, max(z1, z0 + 1), thick):
+            box = (x0, y0, k), (x1, y1, min(k + thick, z1))
+            yield k, query.expand(self._session, self._arrays, *box, rule, edge).view(np.bool_)
+
+    def _box(self, bounds: ArrayLike | None) -> tuple[Shape, Shape]:
+        if bounds is None:
+            return (0, 0, 0), self.grid.shape
+        try:
+            box = np.array(bounds)
+        except ValueError:
+            box = np.array(None)
+        if box.shape != (2, 3) or box.dtype.kind not in "iu":
+            raise GridError(f"bounds must be two triples of integers, got {bounds!r}")
+        if (box < 0).any() or (box > self.grid.shape).any() or (box[0] > box[1]).any():
+            raise GridError(
+                f"bounds must lie within (0, 0, 0) and {self.grid.shape}, got {box.tolist()}"
+            )
+        return _triple(box[0]), _triple(box[1])
+
+
+def load_model(path: str | os.PathLike[str], *, device: DeviceLike = None) -> VoxelModel:
+    """Return the model that `VoxelModel.save` wrote to *path*.
+
+    Raises
+    ------
+    FormatError
+        The file is not such a model, or is damaged.
+    """
+    return _restore(archive.read(path), None, None, None, device)
+
+
+def _restore(
+    record: dict[str, NDArray[Any]],
+    report: Report | None,
+    surface: Surface | None,
+    lattice: Lattice | None,
+    device: DeviceLike = None,
+) -> VoxelModel:
+    session = open_session(device)
+    grid, arrays = archive.unpack(session, record)
+    report = report or Report(device=str(session.device))
+    return VoxelModel(session, grid, arrays, report, surface, lattice)
+
+
+def _rule(name: str) -> Rule:
+    if name not in _RULES:
+        raise GridError(f"rule must be one of {', '.join(map(repr, _RULES))}, got {name!r}")
+    return _RULES[name]
+
+
+def _triple(values: NDArray[Any]) -> Shape:
+    x, y, z = values.tolist()
+    return x, y, z

@@ -1,0 +1,82 @@
+"""Which cells, or voxels, some triangle touches: `cl_kernels/boundary`."""
+
+from __future__ import annotations
+
+import numpy as np
+import pyopencl.array as cla
+
+from clvox.device import Session
+from clvox.grid import Shape
+from clvox.ops.facets import Facets, Progress, visit_facets
+from clvox.ops.layout import Cells, cell_shape, int4, words_for
+
+_FILE = "boundary/mark_cells.cl"
+_CELLS, _VOXELS = 0, 1
+_FLAT_RUN = 256
+
+DIRECT = 64
+"""Most columns of cells of a triangle that one work-item does alone."""
+
+TILE = 16
+"""Side of a tile of columns."""
+
+
+def mark_cells(
+    session: Session,
+    facets: Facets,
+    bits: int,
+    shape: Shape,
+    brick: Shape,
+    *,
+    progress: Progress | None = None,
+    direct: int = DIRECT,
+    tile: int = TILE,
+) -> cla.Array:
+    """Return a bit for each cell of *brick* voxels: does a triangle touch the closed cell?
+
+    The result is (Nz, Ny, words) uint32, bits along x.
+    """
+    cells = cell_shape(shape, brick)
+    marks = session.zeros((cells[2], cells[1], words_for(cells[0])), np.uint32)
+    defines = _defines(bits, brick, _CELLS, direct, tile)
+    visit_facets(session, _FILE, "mark", facets, int4(cells), (marks,), defines, progress)
+    return marks
+
+
+def mark_voxels(
+    session: Session,
+    facets: Facets,
+    bits: int,
+    shape: Shape,
+    cells: Cells,
+    *,
+    progress: Progress | None = None,
+    direct: int = DIRECT,
+    tile: int = TILE,
+) -> cla.Array:
+    """Return a bit for each voxel of each brick: does a triangle touch the closed voxel?
+
+    The result is laid out like the bricks; bits of the padding are zero.
+    """
+    marks = session.zeros((cells.count, cells.brick_words), np.uint32)
+    defines = _defines(bits, (1, 1, 1), _VOXELS, direct, tile) | cells.defines
+    sink = cells.shape4, cells.boundary, cells.rank, marks
+    visit_facets(session, _FILE, "mark", facets, int4(shape), sink, defines, progress)
+    return marks
+
+
+def _defines(bits: int, cell: Shape, sink: int, direct: int, tile: int) -> dict[str, int]:
+    sides = dict(zip(("CELL_X", "CELL_Y", "CELL_Z"), cell, strict=True))
+    return {"STEP_BITS": bits, "SINK": sink, "DIRECT": direct, "TILE": tile, **sides}
+
+
+def count_flat(session: Session, facets: Facets) -> int:
+    """Return the number of triangles without area on the lattice."""
+    count = facets.faces.shape[0]
+    if count == 0:
+        return 0
+    parts = -(-count // _FLAT_RUN)
+    counts = session.empty(parts, np.uint32)
+    kernel = session.kernel("boundary/count_flat.cl", "count_flat", RUN=_FLAT_RUN)
+    session.run(kernel, parts, np.uint64(count), facets.faces, facets.vertices, counts)
+    return int(counts.get().sum(dtype=np.uint64))

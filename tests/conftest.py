@@ -1,0 +1,94 @@
+"""What all tests share: the device, the data, and how many examples hypothesis draws."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Generator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, cast
+
+import hypothesis
+import pytest
+
+if TYPE_CHECKING:
+    from clvox.device import Session
+
+# Every run draws the same examples, so that a failure can be had again; no test may depend on
+# the speed of a machine.
+hypothesis.settings.register_profile(
+    "default", derandomize=True, deadline=None, print_blob=True, max_examples=50
+)
+hypothesis.settings.register_profile(
+    "ci", hypothesis.settings.get_profile("default"), max_examples=200
+)
+# Oclgrind interprets: some thousand times slower, and looking at accesses rather than values.
+hypothesis.settings.register_profile(
+    "oclgrind",
+    hypothesis.settings.get_profile("default"),
+    max_examples=5,
+    suppress_health_check=[hypothesis.HealthCheck.too_slow],
+)
+hypothesis.settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "default"))
+
+
+@pytest.fixture(scope="session")
+def session() -> Session:
+    """The device under test: that of CLVOX_DEVICE, or else the default one."""
+    from clvox.device import open_session
+
+    opened = open_session()
+    if "OCLGRIND_LOG" in os.environ:
+        opened._pool = cast("Any", ExactAllocator(opened._queue))
+    return opened
+
+
+class ExactAllocator:
+    """Stands in for a session's memory pool while Oclgrind watches.
+
+    A pool gives out more memory than was asked for, and gives it out again, written: accesses
+    beyond the end of an array and reads of what nobody wrote would go unseen.
+    """
+
+    active_bytes = active_blocks = held_blocks = 0
+
+    def __init__(self, queue: Any) -> None:
+        from pyopencl.tools import ImmediateAllocator
+
+        self._allocate = ImmediateAllocator(queue)
+
+    def __call__(self, size: int) -> Any:
+        """Return a new buffer of exactly *size* bytes."""
+        return self._allocate(size)
+
+    def free_held(self) -> None:
+        """Nothing is held."""
+
+
+@pytest.fixture(scope="session")
+def data_file() -> Callable[[str], Path]:
+    """Find a file of the test data by its path below CLVOX_DATA; skip the test without it."""
+
+    def find(name: str) -> Path:
+        folder = os.environ.get("CLVOX_DATA")
+        if not folder:
+            pytest.skip(f"CLVOX_DATA is not set: {name} is not at hand")
+        path = Path(folder) / name
+        assert path.exists(), f"CLVOX_DATA={folder} holds no {name}"
+        return path
+
+    return find
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_call() -> Generator[None, None, None]:
+    """Fail the test during which Oclgrind reports anything."""
+    before = len(_reports())
+    yield
+    news = _reports()[before:]
+    if news:
+        pytest.fail(f"Oclgrind reports:\n{news[:4000]}", pytrace=False)
+
+
+def _reports() -> str:
+    log = Path(os.environ.get("OCLGRIND_LOG", ""))
+    return log.read_text() if log.is_file() else ""
