@@ -701,7 +701,7 @@ def _is_simple(keys: NDArray[np.int64], count: int) -> bool:
     of one orientation would share a side, two of opposite orientation an edge and the third
     vertex.  Where the third vertex does not fit, its low bits may say no to such a surface.
     """
-    if len(keys) % 2:
+    if len(keys) % 2 or not len(keys):
         return False
     _sort(keys)
     half = len(keys) // 2

@@ -294,10 +294,15 @@ def test_edges_agree_with_a_dictionary(
         array = np.concatenate([[(a, b, c), (a, c, 6), (c, b, 6), (b, a, 6)] for a, b, c in faces])
     points = np.random.default_rng(3).uniform(size=(7, 3))
     odd, uneven = twin(array)
+    if not odd and not uneven and not any(len({*face}) == 3 for face in array.tolist()):
+        with pytest.raises(MeshError):
+            check((points, array))
+        return
     try:
         surface = check((points, array))
     except MeshError as error:
-        assert "nothing is left" in str(error)
+        # Everything cancels, or what remains is on a line or in a plane across an axis.
+        assert not odd, error
         return
     assert named(surface, surface.odd_edges) == odd
     assert named(surface, surface.uneven_edges) == uneven
@@ -384,7 +389,7 @@ def wrong(row: int, value: list[float]) -> NDArray[np.float64]:
         (np.empty((0, 3)), SIDES, "triangle 0 uses vertex 0; there are no vertices"),
         (TETRAHEDRON, SIDES + 1, "triangle 1 uses vertex 4; the vertices are 0 to 3"),
         (TETRAHEDRON, SIDES - 1, "triangle 0 uses vertex -1; the vertices are 0 to 3"),
-        (TETRAHEDRON, (SIDES + 2**63).astype(np.uint64), "triangle 0 uses vertex 92233720368547"),
+        (TETRAHEDRON, SIDES.astype(np.uint64) + np.uint64(2**63), "triangle 0 uses vertex 92233"),
         (TETRAHEDRON, SIDES.astype(float), "faces must be integers of shape (m, 3), got float64"),
         (TETRAHEDRON, SIDES > 0, "faces must be integers of shape (m, 3), got bool (4, 3)"),
         (TETRAHEDRON, SIDES.reshape(3, 4), "faces must be integers of shape (m, 3), got int64"),
