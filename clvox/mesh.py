@@ -1,4 +1,4 @@
-"""Load a mesh and check it: is it finite, closed, oriented?
+"""Load a mesh and check whether it is finite, closed, and oriented.
 
 `load` reads a file as it is.  `check` welds the vertices, drops what encloses nothing, and counts
 how often each edge is used; everything above works on the `Surface` that comes back and asks no
@@ -105,7 +105,7 @@ class Surface:
         """
         if not self.closed:
             raise NotClosedError(
-                f"{self._open()}. A solid needs a closed surface; "
+                f"{_open(self)}. A solid needs a closed surface; "
                 "trimesh.repair.fill_holes may close it."
             )
 
@@ -122,32 +122,9 @@ class Surface:
         self.require_closed()
         if not self.oriented:
             raise NotOrientedError(
-                f"{self._mixed()}. Winding numbers need each edge used equally often both ways; "
+                f"{_mixed(self)}. Winding numbers need each edge used equally often both ways; "
                 'fill="parity" does not, trimesh.repair.fix_normals may orient it.'
             )
-
-    def _open(self) -> str:
-        edges, corners = np.int64(self.vertices.shape[0]), self.faces.astype(np.int64)
-        odd = self.odd_edges.astype(np.int64)
-        following = np.roll(corners, -1, axis=1)
-        used = np.minimum(corners, following) * edges + np.maximum(corners, following)
-        several = len(odd) < np.isin(used, odd[:, 0] * edges + odd[:, 1]).sum()
-        share = "an odd number of triangles" if several else "one triangle only"
-        return f"the mesh is open: {len(odd)} edges belong to {share}, {self._first(odd)}"
-
-    def _mixed(self) -> str:
-        count = len(self.uneven_edges)
-        return (
-            f"the mesh is not oriented: {count} edges are used more often one way than the other, "
-            f"{self._first(self.uneven_edges)}"
-        )
-
-    def _first(self, edges: NDArray[Any]) -> str:
-        a, b = edges[0].tolist()
-        place = ", ".join(f"{x:.6g}" for x in (self.vertices[a] / 2 + self.vertices[b] / 2))
-        if self.vertex_numbers is not None:
-            a, b = self.vertex_numbers[[a, b]].tolist()
-        return f"the first between vertices {a} and {b} near ({place})"
 
 
 def load(path: str | os.PathLike[str]) -> trimesh.Trimesh:
@@ -272,11 +249,8 @@ class _Mesh:
     triangles: NDArray[np.int32]
     numbers: NDArray[np.int64] | None
 
-    def without_unused(self) -> _Mesh:
-        used = np.zeros(len(self.points), bool)
-        corners = self.triangles.reshape(-1)
-        for at in range(0, len(corners), _BLOCK):
-            used[corners[at : at + _BLOCK].astype(np.intp)] = True
+    def limited(self, used: NDArray[np.bool_]) -> _Mesh:
+        """The mesh with only those vertices that are *used*."""
         return self if used.all() else self._only(used, self.triangles)
 
     def merged(self, first: NDArray[np.intp]) -> _Mesh:
@@ -296,8 +270,8 @@ class _Mesh:
 
 def _check(vertices: ArrayLike, faces: ArrayLike) -> Surface:
     points, corners = _vertices(vertices), _faces(faces)
-    _refuse_out_of_range(corners, len(points))
-    mesh = _Mesh(points, corners.astype(np.int32), None).without_unused()
+    triangles, used = _narrowed(corners, len(points))
+    mesh = _Mesh(points, triangles, None).limited(used)
     bounds = _bounds(mesh)
     _refuse_flat(bounds)
 
@@ -365,7 +339,10 @@ def _merged_near(mesh: _Mesh, rest: _Rest, length: float) -> tuple[_Mesh, _Rest]
 
 def _trimmed(mesh: _Mesh, rest: _Rest) -> _Mesh:
     """The mesh of the triangles that are kept; the edges in *rest* are renumbered with it."""
-    trimmed = replace(mesh, triangles=mesh.triangles[rest.kept]).without_unused()
+    triangles = mesh.triangles[rest.kept]
+    used = np.zeros(len(mesh.points), bool)
+    used[triangles.reshape(-1)] = True
+    trimmed = replace(mesh, triangles=triangles).limited(used)
     if len(trimmed.points) < len(mesh.points):
         names = np.arange(len(mesh.points)) if mesh.numbers is None else mesh.numbers
         rest.odd, rest.uneven = (
@@ -373,6 +350,33 @@ def _trimmed(mesh: _Mesh, rest: _Rest) -> _Mesh:
             for edges in (rest.odd, rest.uneven)
         )
     return trimmed
+
+
+def _open(surface: Surface) -> str:
+    count = np.int64(len(surface.vertices))
+    corners, odd = surface.faces.astype(np.int64), surface.odd_edges.astype(np.int64)
+    ends = np.roll(corners, -1, axis=1)
+    sides = np.minimum(corners, ends) * count + np.maximum(corners, ends)
+    several = len(odd) < int(np.isin(sides, odd[:, 0] * count + odd[:, 1]).sum())
+    share = "an odd number of triangles" if several else "one triangle only"
+    return f"the mesh is open: {len(odd)} edges belong to {share}, {_first(surface, odd)}"
+
+
+def _mixed(surface: Surface) -> str:
+    edges = surface.uneven_edges
+    return (
+        f"the mesh is not oriented: {len(edges)} edges are used more often one way than the "
+        f"other, {_first(surface, edges)}"
+    )
+
+
+def _first(surface: Surface, edges: NDArray[Any]) -> str:
+    a, b = edges[0].tolist()
+    middle = surface.vertices[a] / 2 + surface.vertices[b] / 2
+    if surface.vertex_numbers is not None:
+        a, b = surface.vertex_numbers[[a, b]].tolist()
+    place = ", ".join(f"{x:.6g}" for x in middle)
+    return f"the first between vertices {a} and {b} near ({place})"
 
 
 def _triangles(count: int) -> str:
@@ -392,9 +396,9 @@ def _defects(surface: Surface, crowded: int) -> Iterator[str]:
     if crowded:
         yield f"some edges ({crowded}) belong to more than two triangles: surfaces touch there"
     if not surface.closed:
-        yield surface._open()
+        yield _open(surface)
     elif not surface.oriented:
-        yield f"{surface._mixed()}; inside and outside are still told apart by parity"
+        yield f"{_mixed(surface)}; inside and outside are still told apart by parity"
     else:
         share = _volume_share(surface)
         # Rounding may make a volume of nothing negative, never by this much of the bounding box.
@@ -437,13 +441,29 @@ def _array(name: str, value: ArrayLike) -> NDArray[Any]:
         raise MeshError(f"{name} must be an array of three columns; its rows differ") from None
 
 
-def _refuse_out_of_range(faces: NDArray[Any], count: int) -> None:
-    if int(faces.min()) < 0 or int(faces.max()) >= count:
-        row, column = np.argwhere((faces < 0) | (faces >= count))[0]
-        raise MeshError(
-            f"triangle {row} uses vertex {faces[row, column]}; "
-            + (f"the vertices are 0 to {count - 1}" if count else "there are no vertices")
-        )
+def _narrowed(faces: NDArray[Any], count: int) -> tuple[NDArray[np.int32], NDArray[np.bool_]]:
+    """The faces as int32, and which of the *count* vertices they use; refuses the others."""
+    triangles = np.empty(faces.shape, np.int32)
+    used = np.zeros(count, bool)
+    wrong = []
+
+    def work(start: int, stop: int) -> None:
+        for at in range(start, stop, _BLOCK):
+            end = min(at + _BLOCK, stop)
+            part = faces[at:end]
+            if int(part.min()) < 0 or int(part.max()) >= count:
+                row, column = np.argwhere((part < 0) | (part >= count))[0]
+                wrong.append((at + int(row), int(part[row, column])))
+                return
+            triangles[at:end] = part
+            used[part.reshape(-1).astype(np.intp, copy=False)] = True
+
+    _in_halves(work, len(faces))
+    if wrong:
+        row, vertex = min(wrong)
+        known = f"the vertices are 0 to {count - 1}" if count else "there are no vertices"
+        raise MeshError(f"triangle {row} uses vertex {vertex}; {known}")
+    return triangles, used
 
 
 def _bounds(mesh: _Mesh) -> NDArray[np.float64]:
@@ -746,8 +766,9 @@ def _distinct(triangles: NDArray[np.int32]) -> tuple[NDArray[np.intp], NDArray[n
 def _flawed_edges(
     keys: NDArray[np.int64], count: int
 ) -> tuple[NDArray[np.int32], NDArray[np.int32], int]:
-    """The edges with an odd number of triangles, those not used equally often both ways, and
-    the number of edges with more than two triangles.
+    """The edges with an odd number of triangles, and those not used equally often both ways.
+
+    Third, the number of edges that belong to more than two triangles.
     """
     bits, spare = _widths(count)
     backward = (keys < 0).astype(np.int64)

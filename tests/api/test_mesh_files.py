@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import gzip
 import json
 import os
@@ -91,7 +92,9 @@ def test_what_trimesh_writes_is_read_as_it_is(tmp_path: Path, kind: str, packed:
         np.testing.assert_array_equal(found.faces, mesh.faces)
     np.testing.assert_allclose(found.triangles, mesh.triangles, rtol=0, atol=1e-7)
     surface = check(str(path))
-    assert surface.closed and surface.oriented and len(surface.vertices) == len(mesh.vertices)
+    assert surface.closed
+    assert surface.oriented
+    assert len(surface.vertices) == len(mesh.vertices)
 
 
 @pytest.mark.parametrize("header", [b"solid of course", b"", b"\xff\x00"])
@@ -234,7 +237,11 @@ def test_fan_has_the_boundary_of_its_polygon(counts: list[int]) -> None:
         ("a.ply", ply(TRIANGLE.replace("3 0", "2 0")), "face 0 has 2 vertices"),
         ("a.ply", ply(TRIANGLE.replace("3 0", "-3 0")), "a list in the file has the length -3"),
         ("a.ply", ply(TRIANGLE.replace("3 0", "nan 0")), "a list in the file has the length nan"),
-        ("a.ply", ply(TRIANGLE.replace("0 1 2", "0 1 3")), "a face uses vertex 3; the file holds 3"),
+        (
+            "a.ply",
+            ply(TRIANGLE.replace("0 1 2", "0 1 3")),
+            "a face uses vertex 3; the file holds 3",
+        ),
         ("a.ply", ply(TRIANGLE.replace("0 1 2", "0 1 -1")), "a face uses vertex -1; the file"),
         ("a.ply", ply(TRIANGLE.replace("0 1 2", "0 1 1.5")), "a face uses vertex 1.5; the file"),
         ("a.ply", ply(TRIANGLE.replace("0 1 2", "0 1 nan")), "a face uses vertex nan; the file"),
@@ -251,14 +258,13 @@ def test_fan_has_the_boundary_of_its_polygon(counts: list[int]) -> None:
         ),
     ],
 )
-def test_broken_file_is_refused(
-    tmp_path: Path, name: str, data: bytes | str, message: str
-) -> None:
+def test_broken_file_is_refused(tmp_path: Path, name: str, data: bytes | str, message: str) -> None:
     path = tmp_path / name
     path.write_bytes(data.encode() if isinstance(data, str) else data)
     with pytest.raises(FormatError) as caught:
         load(path)
-    assert str(caught.value).startswith(f"{name}: ") and message in str(caught.value)
+    assert str(caught.value).startswith(f"{name}: ")
+    assert message in str(caught.value)
 
 
 @pytest.mark.parametrize("token", ["nan", "inf", "-1e999"])
@@ -329,10 +335,8 @@ def test_garbled_file_is_read_or_refused(
         garbled[at : at + cut] = data.draw(st.binary(max_size=8))
     path = tmp_path_factory.mktemp("garbled") / f"a.{kind}"
     path.write_bytes(garbled)
-    try:
+    with contextlib.suppress(ClvoxError):
         check(path)
-    except ClvoxError as error:
-        assert str(error)
 
 
 # --- the meshes of the repository ---------------------------------------------------------------
@@ -366,7 +370,8 @@ def test_solid_is_closed(data_file: Callable[[str], Path], entry: dict[str, Any]
     surface = check(mesh)
     assert surface.closed
     # Triangles without area hold T-junctions shut; nothing but exact copies may be dropped.
-    assert surface.oriented and not surface.repeated
+    assert surface.oriented
+    assert not surface.repeated
     assert bool(surface.welded_by) == entry["watertight_needs_tolerance_weld"]
     assert bool(surface.welded_by) == ("were merged" in "".join(surface.warnings))
     np.testing.assert_allclose(surface.bounds, entry["bbox"], rtol=1e-6)
@@ -377,20 +382,18 @@ def test_doubtful_mesh_gets_a_diagnosis(
     data_file: Callable[[str], Path], entry: dict[str, Any]
 ) -> None:
     path = data_file(entry["path"])
-    try:
-        surface = check(path)
-    except MeshError as error:
-        assert entry["triangles"] == 2 and "the mesh is flat" in str(error)
+    if entry["path"].endswith("single_sheet_square.stl"):
+        with pytest.raises(MeshError, match="the mesh is flat"):
+            check(path)
         return
+    surface = check(path)
     # Nobody sees from the edges alone that a surface runs through itself.
     assert surface.warnings or "self_intersecting" in entry["path"]
 
 
 @pytest.mark.timeout(10)
 @pytest.mark.parametrize("entry", entries("", hostile=True))
-def test_hostile_file_is_refused(
-    data_file: Callable[[str], Path], entry: dict[str, Any]
-) -> None:
+def test_hostile_file_is_refused(data_file: Callable[[str], Path], entry: dict[str, Any]) -> None:
     path = data_file(entry["path"])
     tracemalloc.start()
     try:
