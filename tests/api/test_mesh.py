@@ -227,6 +227,14 @@ def test_open_mesh_is_not_welded_by_more() -> None:
     assert surface.welded_by == 0.0
 
 
+def test_weld_that_closes_nothing_is_not_made() -> None:
+    """Two open triangles that all but share a corner have six odd edges, merged or not."""
+    vertices = np.concatenate([TETRAHEDRON[1:], TETRAHEDRON[1:] * [1 + 1e-9, 2, 3]])
+    surface = check((vertices, np.arange(6).reshape(2, 3)))
+    assert len(surface.vertices) == 6
+    assert surface.welded_by == 0.0
+
+
 def test_closed_mesh_is_not_welded_by_a_tolerance() -> None:
     """Two corners of a sound mesh may be closer than the tolerance."""
     near = np.concatenate([TETRAHEDRON, TETRAHEDRON * 1e-10 + 0.5])
@@ -401,6 +409,18 @@ def test_inside_out_mesh_warns(offset: float) -> None:
     assert surface.closed
     assert surface.oriented
     assert surface.warnings == ("the mesh is inside out: its signed volume is -0.166667",)
+
+
+@pytest.mark.parametrize("turn", [1, -1])
+@pytest.mark.parametrize("seed", range(4))
+def test_double_sheet_far_away_is_not_inside_out(turn: int, seed: int) -> None:
+    """Its volume is zero; only the rounding of a careless sum has a sign."""
+    x, y = np.random.default_rng(seed).integers(0, 2**20, (2, 4)) / 2**20
+    vertices = np.stack([x, y, x + y], axis=1) + 2.0**24
+    faces = np.array([[0, 1, 2], [0, 2, 3], [0, 3, 1], [1, 3, 2]])[:, ::turn]
+    surface = check((vertices, faces))
+    assert surface.oriented
+    assert not surface.warnings
 
 
 # --- what is refused ----------------------------------------------------------------------------
