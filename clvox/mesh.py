@@ -532,7 +532,10 @@ def _volume_share(surface: Surface) -> float:
             parts.append(float(((bx - ax) * (cy - ay) - (by - ay) * (cx - ax)) @ height))
 
     _in_halves(add, len(surface.faces))
-    return math.fsum(parts) / 6 / float(np.prod(high - low))
+    share = math.fsum(parts) / 6
+    for length in (high - low).tolist():
+        share /= length  # one by one: the volume of a tiny box would underflow to zero
+    return share
 
 
 # --- equal rows ---------------------------------------------------------------------------------

@@ -163,6 +163,15 @@ def test_small_mesh_far_away_survives() -> None:
     assert len(surface.vertices) == 4
 
 
+@pytest.mark.parametrize("size", [1e-320, 1e-150, 1e-9, 1e17])
+def test_size_does_not_matter(size: float) -> None:
+    surface = check(soup(TETRAHEDRON * size, SIDES))
+    assert surface.closed
+    assert surface.oriented
+    assert not surface.warnings
+    assert len(check((TETRAHEDRON * size, SIDES[1:])).odd_edges) == 3
+
+
 def test_zero_has_one_sign() -> None:
     vertices, faces = soup(TETRAHEDRON, SIDES)
     flipped = np.where(np.arange(len(vertices))[:, None] % 2, vertices, -0.0 + vertices)
