@@ -1,8 +1,8 @@
 /*
  * boundary/mark_cells.cl: the bit of every cell that some triangle touches.
  *
- * Cells are those of the coarse grid, or single voxels: of a dense grid, or in the bricks of a
- * two-level model.  Each triangle walks the columns of cells in its shadow along the dominant axis
+ * Cells are those of a coarse grid, or the smaller ones in the bricks above which a tree stands:
+ * voxels, or cells of the middle level.  Each triangle walks the columns of cells in its shadow along the dominant axis
  * of its normal, and its plane bounds the cells of each column: never all cells of its box.
  *
  * Host:       clvox/ops/boundary.py
@@ -11,10 +11,10 @@
  * Defines:    STEP_BITS  log2 of the lattice steps in one voxel
  *             CELL_X, CELL_Y, CELL_Z  sides of a cell, in voxels
  *             SINK       0: CELLS, one bit per cell, rows padded to words;
- *                        1: VOXELS, in the bricks of a two-level model
+ *                        1: VOXELS, in the bricks of a model
  *             DIRECT     most columns of a triangle that is done directly
  *             TILE       side of a tile, in columns
- *             BRICK_X, BRICK_Y, BRICK_Z  sides of a brick, for the sink VOXELS
+ *             LEVELS, BRICK_*, MIDDLE_*  of the model, for the sink VOXELS (common/bricks.h)
  * Source:     separating axes in projections after M. Schwarz, H.-P. Seidel, "Fast parallel
  *             surface and solid voxelization on GPUs", ACM TOG 29(6), 2010, in integers.
  */
@@ -28,12 +28,12 @@
 
 #define SINK_PARAMETERS __global uint *marks
 #define SINK_ARGUMENTS marks
-#define ROW_WORDS(cells) (((cells).x + 31) / 32)
+#define ROW_WORDS(grid) (((grid).x + 31) / 32)
 
-static inline void mark(const int3 cells, const int3 cell, SINK_PARAMETERS)
+static inline void mark(const int3 grid, const int3 cell, SINK_PARAMETERS)
 {
-    const ulong row = (ulong)cell.z * cells.y + cell.y;
-    atomic_or(marks + row * ROW_WORDS(cells) + cell.x / 32, 1u << (cell.x % 32));
+    const ulong row = (ulong)cell.z * grid.y + cell.y;
+    atomic_or(marks + row * ROW_WORDS(grid) + cell.x / 32, 1u << (cell.x % 32));
 }
 
 #else
@@ -56,7 +56,7 @@ static inline void mark(const int3 grid, const int3 cell, SINK_PARAMETERS)
 #endif
 
 /* All cells in a box of columns that the triangle touches. */
-static void mark_columns(const int3 cells, const Solid *s, const int4 box, SINK_PARAMETERS)
+static void mark_columns(const int3 grid, const Solid *s, const int4 box, SINK_PARAMETERS)
 {
     for (int i = box.x; i <= box.z; ++i) {
         const int u = i * s->cell.x - HALF_STEP;
@@ -66,18 +66,18 @@ static void mark_columns(const int3 cells, const Solid *s, const int4 box, SINK_
             const int2 depths = depths_in_column(s, u, v);
             for (int k = depths.x; k <= depths.y; ++k)
                 if (cell_meets(s, u, v, k * s->cell.z - HALF_STEP))
-                    mark(cells, restore((int3)(i, j, k), s->axis), SINK_ARGUMENTS);
+                    mark(grid, restore((int3)(i, j, k), s->axis), SINK_ARGUMENTS);
         }
     }
 }
 
 /* One work-item does triangle `first` + id if it has few columns; else it puts it on the list.
- * cells: shape of the grid of cells (x, y, z).
+ * grid: shape of the grid of cells (x, y, z).
  * faces: (m, 3) int32, vertices: (n, 3) int32, on the lattice.
  * listed: (1,) uint32, length of the list, zero before the first launch.
  * list: (m,) uint32, triangle numbers in no particular order. */
 __kernel void mark_direct(
-    const ulong first, const ulong last, const int4 cells,
+    const ulong first, const ulong last, const int4 grid,
     const __global int *restrict faces, const __global int *restrict vertices,
     __global uint *listed, __global uint *list, SINK_PARAMETERS)
 {
@@ -94,7 +94,7 @@ __kernel void mark_direct(
     const int3 last_cell = (int3)(last_touched(high.x, side.x), last_touched(high.y, side.y),
                                   last_touched(high.z, side.z));
     const int3 from = max(first_cell, (int3)(0));
-    const int3 to = min(last_cell, cells.xyz - 1);
+    const int3 to = min(last_cell, grid.xyz - 1);
     if (to.x < from.x || to.y < from.y || to.z < from.z) return;
     const int3 more = last_cell - first_cell;
     if ((more.x > 0) + (more.y > 0) + (more.z > 0) <= 1) {
@@ -102,33 +102,33 @@ __kernel void mark_direct(
         for (int z = from.z; z <= to.z; ++z)
             for (int y = from.y; y <= to.y; ++y)
                 for (int x = from.x; x <= to.x; ++x)
-                    mark(cells.xyz, (int3)(x, y, z), SINK_ARGUMENTS);
+                    mark(grid.xyz, (int3)(x, y, z), SINK_ARGUMENTS);
         return;
     }
     Solid s;
-    const int4 box = make_solid(&s, faces, vertices, triangle, cells.xyz);
-    if (is_small(box)) mark_columns(cells.xyz, &s, box, SINK_ARGUMENTS);
+    const int4 box = make_solid(&s, faces, vertices, triangle, grid.xyz);
+    if (is_small(box)) mark_columns(grid.xyz, &s, box, SINK_ARGUMENTS);
     else list[atomic_inc(listed)] = (uint)triangle;
 }
 
 /* One work-item counts the tiles of one listed triangle.
  * tiles: (entries,) uint32. */
 __kernel void count_tiles(
-    const uint entries, const int4 cells,
+    const uint entries, const int4 grid,
     const __global int *restrict faces, const __global int *restrict vertices,
     const __global uint *restrict list, __global uint *restrict tiles)
 {
     const uint id = get_global_id(0);
     if (id >= entries) return;
     Solid s;
-    const int2 sides = tiles_of(make_solid(&s, faces, vertices, list[id], cells.xyz));
+    const int2 sides = tiles_of(make_solid(&s, faces, vertices, list[id], grid.xyz));
     tiles[id] = (uint)sides.x * (uint)sides.y;
 }
 
 /* One work-item does one tile of columns of one listed triangle.
  * offsets: (entries,) uint64, exclusive prefix sum of the tiles. */
 __kernel void mark_tiles(
-    const ulong first, const ulong last, const uint entries, const int4 cells,
+    const ulong first, const ulong last, const uint entries, const int4 grid,
     const __global int *restrict faces, const __global int *restrict vertices,
     const __global uint *restrict list, const __global ulong *restrict offsets, SINK_PARAMETERS)
 {
@@ -136,6 +136,6 @@ __kernel void mark_tiles(
     if (pair >= last) return;
     const uint item = entry_of(offsets, entries, pair);
     Solid s;
-    const int4 box = make_solid(&s, faces, vertices, list[item], cells.xyz);
-    mark_columns(cells.xyz, &s, tile_box(box, (uint)(pair - offsets[item])), SINK_ARGUMENTS);
+    const int4 box = make_solid(&s, faces, vertices, list[item], grid.xyz);
+    mark_columns(grid.xyz, &s, tile_box(box, (uint)(pair - offsets[item])), SINK_ARGUMENTS);
 }

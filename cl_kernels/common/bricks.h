@@ -58,7 +58,8 @@ static inline uint find_coarse(
 #define TREE_PARAMETERS \
     const int4 cells, const __global uint *boundary, const __global uint *rank, \
     const __global uint *middle, const __global uint *middle_rank
-#define TREE { cells, boundary, rank, middle, middle_rank }
+#define TREE_ARGUMENTS cells, boundary, rank, middle, middle_rank
+#define TREE { TREE_ARGUMENTS }
 
 typedef struct {
     int4 cells;
@@ -91,7 +92,8 @@ static inline uint find_brick(const Tree tree, const int x, const int y, const i
 
 #define TREE_PARAMETERS \
     const int4 cells, const __global uint *boundary, const __global uint *rank
-#define TREE { cells, boundary, rank }
+#define TREE_ARGUMENTS cells, boundary, rank
+#define TREE { TREE_ARGUMENTS }
 
 typedef struct {
     int4 cells;

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import zipfile
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +13,7 @@ from numpy.typing import NDArray
 
 from clvox.device import Session
 from clvox.errors import FormatError, GridError
-from clvox.grid import Grid, Shape
+from clvox.grid import MAX_SHAPE, Grid, Shape
 from clvox.ops.layout import Cells, VoxelArrays, cell_shape, words_for
 from clvox.ops.multilevel import RANK_WORDS
 
@@ -22,6 +23,7 @@ VERSION = 1
 _GRID = {"version", "origin", "spacing", "shape", "levels"}
 _DENSE = {"voxels"}
 _TWO = {"boundary", "inside", "rank", "bricks"}
+_THREE = _TWO | {"middle_boundary", "middle_inside", "middle_rank"}
 
 
 def pack(grid: Grid, arrays: VoxelArrays) -> dict[str, NDArray[Any]]:
@@ -35,11 +37,19 @@ def pack(grid: Grid, arrays: VoxelArrays) -> dict[str, NDArray[Any]]:
     }
     if arrays.cells is None or arrays.inside is None:
         return record | {"voxels": arrays.voxels.get()}
-    return record | {
+    record |= {
         "boundary": arrays.cells.boundary.get(),
         "inside": arrays.inside.get(),
         "rank": arrays.cells.rank.get(),
         "bricks": arrays.voxels.get(),
+    }
+    finer, middle_inside = arrays.cells.finer, arrays.middle_inside
+    if finer is None or middle_inside is None:
+        return record
+    return record | {
+        "middle_boundary": finer.boundary.get(),
+        "middle_inside": middle_inside.get(),
+        "middle_rank": finer.rank.get(),
     }
 
 
@@ -51,9 +61,9 @@ def unpack(session: Session, record: dict[str, NDArray[Any]]) -> tuple[Grid, Vox
     FormatError
         An array is missing, or has not the shape, the type or the content that it must have.
     """
-    dense = set(record) == _GRID | _DENSE
-    if not dense and set(record) != _GRID | _TWO:
-        raise FormatError(f"not a clvox model: its arrays are {', '.join(sorted(record))}")
+    names = set(record)
+    if names not in (_GRID | _DENSE, _GRID | _TWO, _GRID | _THREE):
+        raise FormatError(f"not a clvox model: its arrays are {', '.join(sorted(names))}")
     if record["version"].shape != () or record["version"] != VERSION:
         raise FormatError(
             f"the model has layout version {record['version']}; this clvox reads {VERSION}"
@@ -63,35 +73,54 @@ def unpack(session: Session, record: dict[str, NDArray[Any]]) -> tuple[Grid, Vox
     except GridError as error:
         raise FormatError(f"the model's grid makes no sense: {error}") from error
     nx, ny, nz = grid.shape
-    if dense:
-        _expect(record, "voxels", (nz, ny, words_for(nx)))
-        return grid, VoxelArrays(grid.shape, session.upload(record["voxels"]))
+    shape = grid.shape
+    if names == _GRID | _DENSE:
+        dense = _expect(record, "voxels", (nz, ny, words_for(nx)))
+        return grid, VoxelArrays(shape, session.upload(dense))
+    count = 2 if names == _GRID | _TWO else 3
     levels = record["levels"]
-    if levels.shape != (2, 3) or levels.dtype.kind not in "iu" or levels.min() < 1:
-        raise FormatError(f"the model's levels are {levels.tolist()}; two triples are expected")
-    cell_counts, brick = _triple(levels[0]), _triple(levels[1])
-    if cell_counts != cell_shape(grid.shape, brick):
-        raise FormatError(f"levels {levels.tolist()} do not hold a grid of {grid.shape} voxels")
-    rows = cell_counts[2], cell_counts[1], words_for(cell_counts[0])
-    boundary = _expect(record, "boundary", rows)
-    _expect(record, "inside", rows)
+    if levels.shape != (count, 3) or levels.dtype.kind not in "iu" or levels.min() < 1:
+        raise FormatError(
+            f"the model's levels are {levels.tolist()}; {count} positive triples are expected"
+        )
+    if levels.max() > MAX_SHAPE:
+        raise FormatError(f"levels {levels.tolist()} are larger than any grid")
+    counts, *bricks = (_triple(level) for level in levels)
+    fine = cell_shape(shape, bricks[-1])
+    if counts != (fine if count == 2 else cell_shape(fine, bricks[0])):
+        raise FormatError(f"levels {levels.tolist()} do not hold a grid of {shape} voxels")
+    rows = counts[2], counts[1], words_for(counts[0])
+    cells = _ranked(session, record, "", rows, counts, bricks[0])
+    inside = session.upload(_expect(record, "inside", rows))
+    middle_inside = None
+    if count == 3:
+        words = cells.count, cells.brick_words
+        finer = _ranked(session, record, "middle_", words, fine, bricks[1])
+        middle_inside = session.upload(_expect(record, "middle_inside", words))
+        cells = replace(cells, finer=finer)
+    last = cells.last
+    voxels = session.upload(_expect(record, "bricks", (last.count, last.brick_words)))
+    return grid, VoxelArrays(shape, voxels, cells, inside, middle_inside)
+
+
+def _ranked(
+    session: Session,
+    record: dict[str, NDArray[Any]],
+    prefix: str,
+    rows: tuple[int, ...],
+    shape: Shape,
+    brick: Shape,
+) -> Cells:
+    """One level of the record, its rank checked."""
+    boundary = _expect(record, f"{prefix}boundary", rows)
     counts = np.bitwise_count(boundary.ravel()).astype(np.uint64)
     starts = np.arange(0, counts.size, RANK_WORDS)
-    blocks = np.add.reduceat(counts, starts)
+    blocks = np.add.reduceat(counts, starts) if counts.size else counts
     rank = np.cumsum(blocks) - blocks
-    count = int(blocks.sum())
-    if not np.array_equal(_expect(record, "rank", rank.shape), rank):
-        raise FormatError("the model's rank does not count its boundary cells")
-    _expect(record, "bricks", (count, words_for(int(np.prod(levels[1])))))
-    cells = Cells(
-        cell_counts,
-        brick,
-        session.upload(boundary),
-        session.upload(record["rank"]),
-        count,
-    )
-    inside = session.upload(record["inside"])
-    return grid, VoxelArrays(grid.shape, session.upload(record["bricks"]), cells, inside)
+    if not np.array_equal(_expect(record, f"{prefix}rank", rank.shape), rank):
+        raise FormatError(f"the model's {prefix}rank does not count its boundary cells")
+    arrays = session.upload(boundary), session.upload(record[f"{prefix}rank"])
+    return Cells(shape, brick, *arrays, int(blocks.sum()))
 
 
 def write(path: str | os.PathLike[str], record: dict[str, NDArray[Any]]) -> None:

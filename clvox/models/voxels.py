@@ -76,7 +76,7 @@ class Report:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class VoxelModel:
-    """A solid as voxels, on one level or two, on an OpenCL device.
+    """A solid as voxels, on one level, two or three, on an OpenCL device.
 
     Made by `voxelize`, `VoxelModel.from_array` and `open`; never changed afterwards.
 
@@ -85,7 +85,8 @@ class VoxelModel:
     grid : Grid
         Where the voxels are.
     levels : tuple of (3,) int
-        Cells of the coarse grid and voxels in each cell; for a dense grid its shape alone.
+        Cells of the coarse grid, and cells or voxels in each of them, level by level; for a
+        dense grid its shape alone.
     report : Report
         How the model was built.
     """
@@ -133,14 +134,16 @@ class VoxelModel:
         if len(shapes) == 1:
             arrays = pack.pack_dense(session, array)
         else:
-            arrays = pack.pack_voxels(session, array, shapes[1])
+            arrays = pack.pack_voxels(session, array, shapes[-1])
+        if len(shapes) == 3:
+            arrays = combine.rebrick(session, arrays, shapes)
         return cls(session, grid, arrays, Report(device=str(session.device)))
 
     # What it is
 
     @property
     def levels(self) -> tuple[Shape, ...]:
-        """Cells of the coarse grid and voxels in each cell; for a dense grid its shape alone."""
+        """Cells of the coarse grid, and cells or voxels in each; of a dense grid its shape."""
         return self._arrays.levels
 
     @property
@@ -157,8 +160,9 @@ class VoxelModel:
     def __repr__(self) -> str:
         x, y, z = self.grid.shape
         bricks = ""
-        if len(self.levels) == 2:
-            bricks = " in cells of {} x {} x {}".format(*self.levels[1])
+        if len(self.levels) > 1:
+            sides = ["{} x {} x {}".format(*brick) for brick in self.levels[1:]]
+            bricks = f" in cells of {' of '.join(sides)}"
         size = self.nbytes / 1e6
         return f"VoxelModel({x} x {y} x {z} voxels{bricks}, {size:.1f} MB on {self.device})"
 
@@ -205,8 +209,8 @@ class VoxelModel:
 
         Combining models leaves such bricks: they cost memory and change no answer.
         """
-        brick = self.levels[1] if len(self.levels) == 2 else None
-        return self._with(combine.rebrick(self._session, self._arrays, brick), self._surfaces)
+        arrays = combine.rebrick(self._session, self._arrays, self.levels)
+        return self._with(arrays, self._surfaces)
 
     # Measures
 
@@ -312,10 +316,10 @@ class VoxelModel:
         if not 0 <= level <= finest:
             raise GridError(f"level must be from 0 to {finest}, got {level}")
         if level < finest:
-            brick = np.array(self.levels[1])
+            brick = np.prod(self.levels[level + 1 :], axis=0)
             low, high = np.array(start) // brick, -(-np.array(stop) // brick)
             return query.expand_cells(
-                self._session, self._arrays, _triple(low), _triple(np.maximum(low, high))
+                self._session, self._arrays, _triple(low), _triple(np.maximum(low, high)), level
             )
         slabs = [slab for _, slab in self._slabs(_rule(rule), start, stop)]
         return slabs[0] if len(slabs) == 1 else np.concatenate(slabs)
@@ -346,8 +350,8 @@ class VoxelModel:
         trimesh.Trimesh
             Without triangles if no voxel is inside.
         """
-        uniform = self.to_array(level=0) if len(self.levels) == 2 else None
-        cell = self.levels[1] if len(self.levels) == 2 else (1, 1, 1)
+        uniform = self.to_array(level=0) if len(self.levels) > 1 else None
+        cell = _triple(np.prod(((1, 1, 1), *self.levels[1:]), axis=0))
         vertices, faces = surfaces.extract(
             self.grid,
             lambda start, stop: query.expand(self._session, self._arrays, start, stop),
