@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import math
 import os
 import zipfile
+import zlib
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -21,6 +24,17 @@ VERSION = 1
 _GRID = {"version", "origin", "spacing", "shape", "levels"}
 _DENSE = {"voxels"}
 _TWO = {"boundary", "inside", "rank", "bricks"}
+
+_DAMAGE = (
+    EOFError,
+    KeyError,
+    OSError,
+    RuntimeError,
+    ValueError,
+    zipfile.BadZipFile,
+    zlib.error,
+)
+"""What NumPy raises where a byte of an open ``.npz`` file is wrong; OSError for a wrong offset."""
 
 
 def pack(grid: Grid, arrays: VoxelArrays) -> dict[str, NDArray[Any]]:
@@ -62,10 +76,13 @@ def unpack(session: Session, record: dict[str, NDArray[Any]]) -> tuple[Grid, Vox
     except GridError as error:
         raise FormatError(f"the model's grid makes no sense: {error}") from error
     nx, ny, nz = grid.shape
-    if dense:
-        _expect(record, "voxels", (nz, ny, words_for(nx)))
-        return grid, VoxelArrays(grid.shape, session.upload(record["voxels"]))
     levels = record["levels"]
+    if dense:
+        if not np.array_equal(levels, [grid.shape]):
+            raise FormatError(f"the model's one level is {levels.tolist()}, its grid {grid.shape}")
+        voxels = _expect(record, "voxels", (nz, ny, words_for(nx)))
+        _refuse_padding("voxels", voxels, nx)
+        return grid, VoxelArrays(grid.shape, session.upload(voxels))
     if levels.shape != (2, 3) or levels.dtype.kind not in "iu" or levels.min() < 1:
         raise FormatError(f"the model's levels are {levels.tolist()}; two triples are expected")
     cell_counts, brick = _triple(levels[0]), _triple(levels[1])
@@ -73,7 +90,11 @@ def unpack(session: Session, record: dict[str, NDArray[Any]]) -> tuple[Grid, Vox
         raise FormatError(f"levels {levels.tolist()} do not hold a grid of {grid.shape} voxels")
     rows = cell_counts[2], cell_counts[1], words_for(cell_counts[0])
     boundary = _expect(record, "boundary", rows)
-    _expect(record, "inside", rows)
+    inside = _expect(record, "inside", rows)
+    _refuse_padding("boundary", boundary, cell_counts[0])
+    _refuse_padding("inside", inside, cell_counts[0])
+    if (boundary & inside).any():
+        raise FormatError("the model has cells that are boundary and inside at once")
     counts = np.bitwise_count(boundary.ravel()).astype(np.uint64)
     starts = np.arange(0, counts.size, RANK_WORDS)
     blocks = np.add.reduceat(counts, starts)
@@ -81,7 +102,9 @@ def unpack(session: Session, record: dict[str, NDArray[Any]]) -> tuple[Grid, Vox
     count = int(blocks.sum())
     if not np.array_equal(_expect(record, "rank", rank.shape), rank):
         raise FormatError("the model's rank does not count its boundary cells")
-    _expect(record, "bricks", (count, words_for(int(np.prod(levels[1])))))
+    bricks = _expect(record, "bricks", (count, words_for(math.prod(brick))))
+    _refuse_padding("bricks", bricks, math.prod(brick))
+    _refuse_voxels_beyond(grid.shape, cell_counts, brick, boundary, bricks)
     cells = Cells(
         cell_counts,
         brick,
@@ -89,23 +112,21 @@ def unpack(session: Session, record: dict[str, NDArray[Any]]) -> tuple[Grid, Vox
         session.upload(record["rank"]),
         count,
     )
-    inside = session.upload(record["inside"])
-    return grid, VoxelArrays(grid.shape, session.upload(record["bricks"]), cells, inside)
+    return grid, VoxelArrays(grid.shape, session.upload(bricks), cells, session.upload(inside))
 
 
 def write(path: str | os.PathLike[str], record: dict[str, NDArray[Any]]) -> None:
     """Write *record* to an ``.npz`` file; whole, or not at all."""
-    target = os.fspath(path)
-    if not target.endswith(".npz"):
+    target = Path(path)
+    if target.suffix != ".npz":
         raise FormatError(f"a model is saved as .npz, got {target}")
-    partial = f"{target}.partial"
+    partial = target.with_name(f"{target.name}.partial")
     try:
-        with open(partial, "wb") as file:
+        with partial.open("wb") as file:
             np.savez_compressed(file, allow_pickle=False, **record)
-        os.replace(partial, target)
+        partial.replace(target)
     except BaseException:
-        if os.path.exists(partial):
-            os.remove(partial)
+        partial.unlink(missing_ok=True)
         raise
 
 
@@ -117,13 +138,16 @@ def read(path: str | os.PathLike[str]) -> dict[str, NDArray[Any]]:
     FormatError
         It is not such a file, or is damaged.
     """
-    try:
-        with np.load(path, allow_pickle=False) as file:
+    name = Path(path)
+    with name.open("rb") as stream:
+        try:
+            file = np.load(stream, allow_pickle=False)
             if not isinstance(file, np.lib.npyio.NpzFile):
-                raise FormatError(f"{os.fspath(path)} is one array, not a model")
-            return dict(file)
-    except (ValueError, zipfile.BadZipFile, EOFError) as error:
-        raise FormatError(f"{os.fspath(path)} is not a clvox model: {error}") from error
+                raise FormatError(f"{name} is one array, not a model")
+            with file:
+                return dict(file)
+        except _DAMAGE as error:
+            raise FormatError(f"{name} is not a clvox model: {error}") from error
 
 
 def _expect(
@@ -136,6 +160,35 @@ def _expect(
             f"{array.shape}"
         )
     return array
+
+
+def _refuse_padding(name: str, words: NDArray[np.uint32], bits: int) -> None:
+    """Each row ends with a whole word, whose last bits must be zero: they would be counted."""
+    if bits % 32 and (words[..., -1] >> np.uint32(bits % 32)).any():
+        raise FormatError(f"the model's array {name} has bits set beyond the {bits} of a row")
+
+
+def _refuse_voxels_beyond(
+    shape: Shape,
+    cell_counts: Shape,
+    brick: Shape,
+    boundary: NDArray[np.uint32],
+    bricks: NDArray[np.uint32],
+) -> None:
+    """Bricks at the far ends may reach beyond the grid, where their voxels must be zero."""
+    cells = np.nonzero(_bits(boundary)[..., : cell_counts[0]])
+    for axis, along in enumerate(reversed(cells)):
+        kept = shape[axis] - (cell_counts[axis] - 1) * brick[axis]
+        last = bricks[along == cell_counts[axis] - 1]
+        voxels = _bits(last)[:, : math.prod(brick)].reshape(-1, *brick[::-1])
+        if np.moveaxis(voxels, 3 - axis, 0)[kept:].any():
+            raise FormatError(f"the model has voxels beyond its grid of {shape} voxels")
+
+
+def _bits(words: NDArray[np.uint32]) -> NDArray[np.uint8]:
+    """The bits of the last axis, the lowest first."""
+    octets = np.ascontiguousarray(words, dtype="<u4").view(np.uint8)
+    return np.unpackbits(octets, axis=-1, bitorder="little")
 
 
 def _triple(values: NDArray[Any]) -> Shape:
