@@ -6,6 +6,7 @@ import io
 import pickle
 import zipfile
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -41,6 +42,12 @@ def same(one: VoxelModel, other: VoxelModel) -> bool:
     )
 
 
+def clone(model: VoxelModel, protocol: int) -> VoxelModel:
+    """A model, to a pickle and back."""
+    found: VoxelModel = pickle.loads(pickle.dumps(model, protocol))  # noqa: S301 - our own pickle
+    return found
+
+
 def test_a_file_gives_the_model_back(model: VoxelModel, tmp_path: Path) -> None:
     """By a path as text or not; with the same grid, levels and voxels, and no other file."""
     for path in (tmp_path / "model.npz", str(tmp_path / "again.npz")):
@@ -74,12 +81,12 @@ def test_a_file_is_plain_numpy(model: VoxelModel, tmp_path: Path) -> None:
 @pytest.mark.parametrize("protocol", range(2, pickle.HIGHEST_PROTOCOL + 1))
 def test_a_pickle_gives_the_model_back(model: VoxelModel, protocol: int) -> None:
     """With its report, and with the mesh, which answers what is touched."""
-    found = pickle.loads(pickle.dumps(model, protocol))
+    found = clone(model, protocol)
     assert same(found, model)
     assert found.report == model.report
     assert found.volume_bounds == model.volume_bounds
     drawn = VoxelModel.from_array(model.to_array(), model.grid, levels=model.levels)
-    assert pickle.loads(pickle.dumps(drawn, protocol)) == drawn == model
+    assert clone(drawn, protocol) == drawn == model
 
 
 def test_a_file_does_not_know_the_mesh(model: VoxelModel, tmp_path: Path) -> None:
@@ -177,24 +184,20 @@ def test_a_file_with_a_wrong_byte(model: VoxelModel, tmp_path: Path) -> None:
     whole = (tmp_path / "whole.npz").read_bytes()
     path = tmp_path / "model.npz"
     refused = 0
-    for at in np.linspace(0, len(whole) - 1, 150, dtype=int):
+    for at in np.linspace(0, len(whole) - 1, 200, dtype=int):
         damaged = bytearray(whole)
         damaged[at] ^= 0x55
         path.write_bytes(damaged)
-        error = opening_error(path)
-        refused += error is not None
-        assert error is None or isinstance(error, FormatError), (at, error)
-        if error is None:
-            assert same(clvox.open(path), model)
-    assert refused > 75
+        refused += not opens_as(model, path)
+    assert refused > 100
 
 
-def opening_error(path: Path) -> BaseException | None:
-    """What `clvox.open` raises, if anything."""
-    with pytest.raises(BaseException) as caught:  # noqa: PT011 - which one is the caller's question
-        clvox.open(path)
-        raise StopIteration
-    return None if caught.type is StopIteration else caught.value
+def opens_as(model: VoxelModel, path: Path) -> bool:
+    """Whether a file is opened; what it gives must be *model*, and the error a FormatError."""
+    with suppress(FormatError):
+        assert same(clvox.open(path), model)
+        return True
+    return False
 
 
 def remove(name: str) -> Callable[[Record], object]:
@@ -224,12 +227,12 @@ COMMON = [
     put("spacing", [1, 0, 1]),
     put("spacing", [1, -1, 1]),
     put("shape", [26, 25, 0]),
-    put("shape", [26, 25, 12]),
     put("shape", [58, 25, 11]),
     put("shape", [2**40, 25, 11]),
     put("shape", [26, 25, 10.5]),
 ]
 DENSE = [
+    put("shape", [26, 25, 12]),
     put("levels", [[26, 25, 12]]),
     put("levels", [[4, 4, 2], [8, 8, 8]]),
     put("levels", "all"),
@@ -260,7 +263,11 @@ TWO = [
     alter("rank", lambda a: a + np.uint32(1)),
     alter("rank", lambda a: a[:0]),
     alter("rank", lambda a: np.concatenate([a, a])),
+    put("shape", [26, 25, 9]),
+    put("shape", [26, 20, 11]),
+    put("shape", [25, 25, 11]),
     alter("bricks", lambda a: a[:-1]),
+    alter("bricks", lambda a: a | np.uint32(1 << 31)),
     alter("bricks", lambda a: np.concatenate([a, a])),
     alter("bricks", lambda a: a[:, :-1]),
     alter("bricks", lambda a: a.astype(np.uint8)),
@@ -277,7 +284,7 @@ def test_records_that_make_no_sense(
 ) -> None:
     """Sound files, wrong contents: nothing reaches the device that could read out of bounds."""
     grid = Grid((-10.1, -10.2, -3.3), (0.8, 0.82, 0.6), (26, 25, 11))
-    ball = trimesh.creation.icosphere(radius=4.0)
+    ball = trimesh.creation.torus(9.5, 3.0)
     record = clvox.voxelize(ball, grid=grid, levels=levels).to_record()
     damage(record)
     archive.write(tmp_path / "model.npz", record)
