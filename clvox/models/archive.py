@@ -125,9 +125,8 @@ def write(path: str | os.PathLike[str], record: dict[str, NDArray[Any]]) -> None
         with partial.open("wb") as file:
             np.savez_compressed(file, allow_pickle=False, **record)
         partial.replace(target)
-    except BaseException:
+    finally:
         partial.unlink(missing_ok=True)
-        raise
 
 
 def read(path: str | os.PathLike[str]) -> dict[str, NDArray[Any]]:
