@@ -279,7 +279,7 @@ def test_a_grid_wholly_inside_is_full_and_one_beside_is_empty(
     model = clvox.voxelize(ball(20.0), grid=Grid(origin, 0.125, shape), levels=levels and [shape])
     assert (model.to_array() == expected).all()
     assert model.count == (model.grid.size if expected else 0)
-    assert model.volume_bounds == (model.volume, model.volume)
+    assert model.volume_bounds[0] <= model.volume <= model.volume_bounds[1]
     if levels is None:
         assert (model.to_array(level=0) == expected).all()
 
@@ -468,7 +468,7 @@ def test_the_report_says_what_was_done(session: Session) -> None:
     assert (report.duplicates, report.cancelled, report.collapsed) == (1, 2, 4)
     assert report.lattice_bits == 14
     assert report.peak_nbytes > 0
-    assert any("use a vertex twice" in warning for warning in report.warnings)
+    assert any("a vertex number twice" in warning for warning in report.warnings)
     flat = clvox.voxelize(mesh, grid=GRID, levels=[SHAPE]).report
     assert {"snap", "upload", "clear", "flip", "carry"} == set(flat.seconds)
 

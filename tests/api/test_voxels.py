@@ -156,7 +156,11 @@ def test_the_rules_enclose_each_other(ring: VoxelModel) -> None:
     assert 0 < within.sum() < centre.sum() < touch.sum() < touch.size
     voxel = ring.grid.voxel_volume
     assert ring.volume == centre.sum() * voxel
-    assert ring.volume_bounds == (within.sum() * voxel, touch.sum() * voxel)
+    # The bounds may be wider, by what rounding to the lattice did to the mesh: very little.
+    low, high = ring.volume_bounds
+    assert low <= within.sum() * voxel
+    assert high >= touch.sum() * voxel
+    assert (low, high) == pytest.approx((within.sum() * voxel, touch.sum() * voxel), rel=1e-3)
 
 
 def test_touched_voxels_are_those_with_a_part_of_the_mesh() -> None:
