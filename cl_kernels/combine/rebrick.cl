@@ -1,13 +1,14 @@
 /*
  * combine/rebrick.cl: the same voxels in bricks of another size, or in a dense grid.
  *
- * A cell of the result gets a brick only if its voxels really differ; so bricks of the same size
- * are compacted.
+ * With PRUNE a cell of the result gets a brick only if its voxels really differ; so bricks of the
+ * same size are compacted.
  *
  * Host:       clvox/ops/combine.py, rebrick()
  * Reference:  clvox/reference/multilevel.py, from_voxels()
  * Tests:      tests/kernels/test_combine.py
  * Defines:    LEVELS, RULE = 0, BRICK_*, MIDDLE_*  of the source (common/model.h)
+ *             PRUNE  1: bricks whose voxels are all alike are left out; 0: kept
  *             NEW_X, NEW_Y, NEW_Z        sides of the result's cells in voxels; 0: a dense grid
  *             ABOVE_X, ABOVE_Y, ABOVE_Z  cells along the sides of the result's bricks of cells
  */
@@ -52,11 +53,31 @@ static inline bool agree(MODEL_PARAMETERS, const int3 low, const int3 high)
 #endif
 }
 
-/* Are all voxels of a box alike?  Their state, else 2. */
+#if LEVELS > 1
+
+/* Does any source cell below a box of voxels have a brick? */
+static inline bool has_brick(MODEL_PARAMETERS, const int3 low, const int3 high)
+{
+    const int3 brick = (int3)(BRICK_X, BRICK_Y, BRICK_Z);
+    const int3 first = low / brick, last = high / brick;
+    for (int z = first.z; z <= last.z; ++z)
+        for (int y = first.y; y <= last.y; ++y)
+            for (int x = first.x; x <= last.x; ++x)
+                if (cell_state(MODEL_ARGUMENTS, x, y, z) < CELL_OUTSIDE) return true;
+    return false;
+}
+
+#endif
+
+/* State of a box of voxels: that of all of them, or 2 if they differ.  Without PRUNE it is 2 too
+ * where the source has a brick, since a triangle may touch voxels that are all alike. */
 static inline uint state_of(MODEL_PARAMETERS, const int3 low, const int3 high)
 {
     const uint state = read_voxel(MODEL_ARGUMENTS, low.x, low.y, low.z);
     if (agree(MODEL_ARGUMENTS, low, high)) return state;
+#if LEVELS > 1 && !PRUNE
+    if (has_brick(MODEL_ARGUMENTS, low, high)) return 2;
+#endif
     for (int k = low.z; k <= high.z; ++k)
         for (int j = low.y; j <= high.y; ++j)
             for (int i = low.x; i <= high.x; ++i)

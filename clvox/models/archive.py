@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 import os
 import zipfile
+import zlib
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -24,6 +26,17 @@ _GRID = {"version", "origin", "spacing", "shape", "levels"}
 _DENSE = {"voxels"}
 _TWO = {"boundary", "inside", "rank", "bricks"}
 _THREE = _TWO | {"middle_boundary", "middle_inside", "middle_rank"}
+
+_DAMAGE = (
+    EOFError,
+    KeyError,
+    OSError,
+    RuntimeError,
+    ValueError,
+    zipfile.BadZipFile,
+    zlib.error,
+)
+"""What NumPy raises where a byte of an open ``.npz`` file is wrong; OSError for a wrong offset."""
 
 
 def pack(grid: Grid, arrays: VoxelArrays) -> dict[str, NDArray[Any]]:
@@ -72,13 +85,8 @@ def unpack(session: Session, record: dict[str, NDArray[Any]]) -> tuple[Grid, Vox
         grid = Grid(record["origin"], record["spacing"], record["shape"])
     except GridError as error:
         raise FormatError(f"the model's grid makes no sense: {error}") from error
-    nx, ny, nz = grid.shape
-    shape = grid.shape
-    if names == _GRID | _DENSE:
-        dense = _expect(record, "voxels", (nz, ny, words_for(nx)))
-        return grid, VoxelArrays(shape, session.upload(dense))
-    count = 2 if names == _GRID | _TWO else 3
-    levels = record["levels"]
+    shape, levels = grid.shape, record["levels"]
+    count = 1 if "voxels" in names else 3 if "middle_rank" in names else 2
     if levels.shape != (count, 3) or levels.dtype.kind not in "iu" or levels.min() < 1:
         raise FormatError(
             f"the model's levels are {levels.tolist()}; {count} positive triples are expected"
@@ -86,33 +94,50 @@ def unpack(session: Session, record: dict[str, NDArray[Any]]) -> tuple[Grid, Vox
     if levels.max() > MAX_SHAPE:
         raise FormatError(f"levels {levels.tolist()} are larger than any grid")
     counts, *bricks = (_triple(level) for level in levels)
-    fine = cell_shape(shape, bricks[-1])
-    if counts != (fine if count == 2 else cell_shape(fine, bricks[0])):
+    needed = shape
+    for brick in reversed(bricks):
+        needed = cell_shape(needed, brick)
+    if counts != needed:
         raise FormatError(f"levels {levels.tolist()} do not hold a grid of {shape} voxels")
     rows = counts[2], counts[1], words_for(counts[0])
-    cells = _ranked(session, record, "", rows, counts, bricks[0])
-    inside = session.upload(_expect(record, "inside", rows))
+    if count == 1:
+        dense = _expect(record, "voxels", rows, counts[0])
+        return grid, VoxelArrays(shape, session.upload(dense))
+    cells, inside = _level(session, record, "", rows, counts[0], counts, bricks[0])
+    z, y, x = np.nonzero(_bits(record["boundary"])[..., : counts[0]])
+    owners = np.stack([x, y, z], axis=1)
     middle_inside = None
     if count == 3:
+        fine, size = cell_shape(shape, bricks[1]), math.prod(bricks[0])
         words = cells.count, cells.brick_words
-        finer = _ranked(session, record, "middle_", words, fine, bricks[1])
-        middle_inside = session.upload(_expect(record, "middle_inside", words))
+        finer, middle_inside = _level(session, record, "middle_", words, size, fine, bricks[1])
+        for name in "middle_boundary", "middle_inside":
+            _refuse_beyond(name, fine, bricks[0], owners, record[name])
+        above, at = np.nonzero(_bits(record["middle_boundary"])[:, :size])
+        within = np.stack(np.unravel_index(at, bricks[0][::-1])[::-1], axis=1)
+        owners = owners[above] * bricks[0] + within
         cells = replace(cells, finer=finer)
     last = cells.last
-    voxels = session.upload(_expect(record, "bricks", (last.count, last.brick_words)))
-    return grid, VoxelArrays(shape, voxels, cells, inside, middle_inside)
+    words = last.count, last.brick_words
+    voxels = _expect(record, "bricks", words, math.prod(bricks[-1]))
+    _refuse_beyond("bricks", shape, bricks[-1], owners, voxels)
+    return grid, VoxelArrays(shape, session.upload(voxels), cells, inside, middle_inside)
 
 
-def _ranked(
+def _level(
     session: Session,
     record: dict[str, NDArray[Any]],
     prefix: str,
     rows: tuple[int, ...],
+    bits: int,
     shape: Shape,
     brick: Shape,
-) -> Cells:
-    """One level of the record, its rank checked."""
-    boundary = _expect(record, f"{prefix}boundary", rows)
+) -> tuple[Cells, Any]:
+    """One level of the record, checked, and which of its cells are inside."""
+    boundary = _expect(record, f"{prefix}boundary", rows, bits)
+    inside = _expect(record, f"{prefix}inside", rows, bits)
+    if (boundary & inside).any():
+        raise FormatError("the model has cells that are boundary and inside at once")
     counts = np.bitwise_count(boundary.ravel()).astype(np.uint64)
     starts = np.arange(0, counts.size, RANK_WORDS)
     blocks = np.add.reduceat(counts, starts) if counts.size else counts
@@ -120,7 +145,7 @@ def _ranked(
     if not np.array_equal(_expect(record, f"{prefix}rank", rank.shape), rank):
         raise FormatError(f"the model's {prefix}rank does not count its boundary cells")
     arrays = session.upload(boundary), session.upload(record[f"{prefix}rank"])
-    return Cells(shape, brick, *arrays, int(blocks.sum()))
+    return Cells(shape, brick, *arrays, int(blocks.sum())), session.upload(inside)
 
 
 def write(path: str | os.PathLike[str], record: dict[str, NDArray[Any]]) -> None:
@@ -145,25 +170,57 @@ def read(path: str | os.PathLike[str]) -> dict[str, NDArray[Any]]:
     FormatError
         It is not such a file, or is damaged.
     """
-    try:
-        with np.load(path, allow_pickle=False) as file:
+    name = Path(path)
+    with name.open("rb") as stream:
+        try:
+            file = np.load(stream, allow_pickle=False)
             if not isinstance(file, np.lib.npyio.NpzFile):
-                raise FormatError(f"{os.fspath(path)} is one array, not a model")
-            return dict(file)
-    except (ValueError, zipfile.BadZipFile, EOFError) as error:
-        raise FormatError(f"{os.fspath(path)} is not a clvox model: {error}") from error
+                raise FormatError(f"{name} is one array, not a model")
+            with file:
+                return dict(file)
+        except _DAMAGE as error:
+            raise FormatError(f"{name} is not a clvox model: {error}") from error
 
 
 def _expect(
-    record: dict[str, NDArray[Any]], name: str, shape: tuple[int, ...]
+    record: dict[str, NDArray[Any]], name: str, shape: tuple[int, ...], bits: int = 0
 ) -> NDArray[np.uint32]:
+    """An array of the record, of that shape, with no bit set beyond the first *bits* of a row."""
     array = record[name]
     if array.shape != shape or array.dtype != np.uint32:
         raise FormatError(
             f"the model's array {name} must be uint32 of the shape {shape}, got {array.dtype} of "
             f"{array.shape}"
         )
+    # Each row ends with a whole word, whose last bits must be zero: they would be counted.
+    if bits % 32 and (array[..., -1] >> np.uint32(bits % 32)).any():
+        raise FormatError(f"the model's array {name} has bits set beyond the {bits} of a row")
     return array
+
+
+def _refuse_beyond(
+    name: str,
+    shape: Shape,
+    brick: Shape,
+    owners: NDArray[np.int64],
+    bricks: NDArray[np.uint32],
+) -> None:
+    """Bricks at the far ends may reach beyond the grid, where their bits must be zero.
+
+    shape: of the grid of what the bricks hold; owners: the cell (x, y, z) of each brick.
+    """
+    for axis in range(3):
+        last = -(-shape[axis] // brick[axis]) - 1
+        ends = bricks[owners[:, axis] == last]
+        held = _bits(ends)[:, : math.prod(brick)].reshape(-1, *brick[::-1])
+        if np.moveaxis(held, 3 - axis, 0)[shape[axis] - last * brick[axis] :].any():
+            raise FormatError(f"the model's array {name} has bits beyond its grid of {shape}")
+
+
+def _bits(words: NDArray[np.uint32]) -> NDArray[np.uint8]:
+    """The bits of the last axis, the lowest first."""
+    octets = np.ascontiguousarray(words, dtype="<u4").view(np.uint8)
+    return np.unpackbits(octets, axis=-1, bitorder="little")
 
 
 def _triple(values: NDArray[Any]) -> Shape:

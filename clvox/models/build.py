@@ -99,10 +99,13 @@ def voxelize(
     surface.require_closed()
     if grid is None and resolution is None and pitch is None and levels is not None:
         grid = fill_box(surface.bounds, levels)
+    elif [grid is None, resolution is None, pitch is None].count(False) != 1:
+        raise GridError(
+            "give one of resolution= (voxels along the longest side), pitch= (width of a voxel) "
+            "and grid=, or levels= alone"
+        )
     elif grid is None:
         grid = Grid.fit(surface, resolution=resolution, pitch=pitch)
-    elif resolution is not None or pitch is not None:
-        raise GridError("give one of grid=, resolution= and pitch=")
     shapes = resolve_levels(grid.shape, levels)
     lattice = Lattice.fit(grid, surface.bounds, bits=lattice_bits)
     session = open_session(device)

@@ -6,10 +6,9 @@ import os
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, Literal, TypeAlias
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 import numpy as np
-import pyopencl.array as cla
 import trimesh
 from numpy.typing import ArrayLike, NDArray
 
@@ -26,6 +25,9 @@ from clvox.ops.combine import Operation
 from clvox.ops.facets import Progress, upload_facets
 from clvox.ops.layout import VoxelArrays
 from clvox.ops.query import Rule
+
+if TYPE_CHECKING:
+    import pyopencl.array as cla
 
 OUTSIDE, INSIDE, BOUNDARY = 0, 1, 2
 """What `VoxelModel.classify` and coarse levels say."""
@@ -163,8 +165,8 @@ class VoxelModel:
         if len(self.levels) > 1:
             sides = ["{} x {} x {}".format(*brick) for brick in self.levels[1:]]
             bricks = f" in cells of {' of '.join(sides)}"
-        size = self.nbytes / 1e6
-        return f"VoxelModel({x} x {y} x {z} voxels{bricks}, {size:.1f} MB on {self.device})"
+        size = f"{self.nbytes / 1e6:.1f} MB" if self.nbytes >= 1e5 else f"{self.nbytes} bytes"
+        return f"VoxelModel({x} x {y} x {z} voxels{bricks}, {size} on {self.device})"
 
     def __eq__(self, other: object) -> bool:
         """Whether both have the same grid and the same voxels, on whatever levels."""
@@ -174,7 +176,10 @@ class VoxelModel:
             return True
         if self.grid != other.grid or self.count != other.count:
             return False
-        return not (self ^ other._on(self._session)).count
+        other = other._on(self._session)
+        mine, theirs = self._arrays, other._arrays
+        differing = combine.combine(self._session, mine, theirs, Operation.XOR)
+        return not measure.count_voxels(self._session, differing)
 
     def __hash__(self) -> int:
         return hash((self.grid, self.count))
@@ -207,10 +212,11 @@ class VoxelModel:
     def compact(self) -> VoxelModel:
         """Return the same voxels without bricks whose voxels are all alike.
 
-        Combining models leaves such bricks: they cost memory and change no answer.
+        Combining models leaves such bricks: they cost memory and change no answer.  The mesh may
+        touch voxels of some of them, so a compact model no longer knows which are touched.
         """
-        arrays = combine.rebrick(self._session, self._arrays, self.levels)
-        return self._with(arrays, self._surfaces)
+        arrays = combine.rebrick(self._session, self._arrays, self.levels, prune=True)
+        return self._with(arrays, ())
 
     # Measures
 
@@ -376,8 +382,8 @@ class VoxelModel:
         """Which voxels the mesh touches, laid out like the voxels; marked when first asked for."""
         if not self._surfaces:
             raise MeshError(
-                "this model was not made from a mesh, so no voxel is known to be touched; "
-                'rule="centre" and contains() need none'
+                "no voxel of this model is known to be touched: models read from a file, made from "
+                'an array, or compacted keep no mesh. rule="centre" and contains() need none.'
             )
         shape, cells = self.grid.shape, self._arrays.cells
         marks = self._session.zeros(self._arrays.voxels.shape, np.uint32)

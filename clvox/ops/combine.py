@@ -30,12 +30,15 @@ class Operation(IntEnum):
 
 
 def combine(session: Session, a: VoxelArrays, b: VoxelArrays, op: Operation) -> VoxelArrays:
-    """Return the combination of two models of one shape, on levels like those of *a*.
+    """Return the combination of two models of one shape: dense if one is, else on levels as of *a*.
 
-    Its boundary may exceed the true one, never miss: `rebrick` to the same levels prunes it.
+    Its boundary may exceed the true one, never miss: `rebrick` to the same levels can prune it.
     """
     if a.levels != b.levels:
-        b = rebrick(session, b, a.levels)
+        if b.cells is None:
+            a = rebrick(session, a, b.levels)
+        else:
+            b = rebrick(session, b, a.levels)
     defines = {"OP": int(op), "RULE": int(Rule.CENTRE), **a.defines}
     if a.cells is None or b.cells is None or a.inside is None or b.inside is None:
         voxels = session.empty(a.voxels.shape, np.uint32)
@@ -100,10 +103,13 @@ def full(session: Session, shape: Shape, levels: tuple[Shape, ...]) -> VoxelArra
     return VoxelArrays(shape, bricks, cells, solid, middle)
 
 
-def rebrick(session: Session, arrays: VoxelArrays, levels: tuple[Shape, ...]) -> VoxelArrays:
+def rebrick(
+    session: Session, arrays: VoxelArrays, levels: tuple[Shape, ...], *, prune: bool = False
+) -> VoxelArrays:
     """Return the same voxels on other levels, or on the same ones.
 
-    Only cells whose voxels differ have a brick.
+    A cell has a brick where the source has one, so that no touched cell is missed; with *prune*,
+    and from a dense grid, only where its voxels differ.
     """
     shape = arrays.shape
     source = arrays.arguments()
@@ -112,7 +118,7 @@ def rebrick(session: Session, arrays: VoxelArrays, levels: tuple[Shape, ...]) ->
     def kernel(name: str, sides: Shape, above: Shape = (1, 1, 1)) -> cl.Kernel:
         new = dict(zip(("NEW_X", "NEW_Y", "NEW_Z"), sides, strict=True))
         old = dict(zip(("ABOVE_X", "ABOVE_Y", "ABOVE_Z"), above, strict=True))
-        rule = {"RULE": int(Rule.CENTRE)}
+        rule = {"RULE": int(Rule.CENTRE), "PRUNE": int(prune)}
         return session.kernel(_REBRICK, name, **rule, **arrays.defines, **new, **old)
 
     if len(levels) == 1:
