@@ -46,7 +46,7 @@ def trefoil(along: int = 360, around: int = 31, radius: float = 0.4) -> trimesh.
     here = np.arange(along * around).reshape(along, around)
     next_ring = np.roll(here, -1, axis=0)
     a, b, c, d = here, next_ring, np.roll(next_ring, -1, axis=1), np.roll(here, -1, axis=1)
-    faces = np.stack([a, b, c, a, c, d], axis=-1).reshape(-1, 3)
+    faces = np.stack([a, c, b, a, d, c], axis=-1).reshape(-1, 3)
     return trimesh.Trimesh(vertices, faces, process=False)
 
 
