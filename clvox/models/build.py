@@ -219,7 +219,7 @@ def _build(
         peak_nbytes=session.peak_nbytes,
         warnings=tuple(warnings),
     )
-    return VoxelModel(session, lattice.grid, arrays, report, surface, lattice)
+    return VoxelModel(session, lattice.grid, arrays, report, ((surface, lattice),))
 
 
 def _build_bricks(
