@@ -57,13 +57,14 @@ class Plan:
 
     @cached_property
     def ball(self) -> Surface:
-        """The bumpy sphere; with two triangles for each voxel of its surface at 1024, or so."""
+        """The large mesh: 1,310,720 triangles, about as wide as the voxels at 1024."""
         return check(meshes.bumpy_sphere(self.pick(8, 3)))
 
     @cached_property
     def solids(self) -> dict[str, Surface]:
-        """The part, if there is one, and the sphere, by their names and sizes."""
+        """The part, if there is one, a knot and the sphere, by their names and sizes."""
         found = {} if self.part is None else {self.part.name.split(".")[0]: check(self.part)}
+        found["trefoil"] = check(self.pick(meshes.trefoil(), meshes.trefoil(24, 5)))
         found["bumpy_sphere"] = self.ball
         return {f"{name}, {len(mesh.faces):,} triangles": mesh for name, mesh in found.items()}
 

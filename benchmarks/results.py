@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from pathlib import Path
+from statistics import median
 
 from clvox.bench import Record, Result, read_records, write_records
 from clvox.bench.machine import slug
@@ -36,8 +37,8 @@ def _table(records: list[Record]) -> Iterator[str]:
     yield f"{machine['cpu']}, {machine['cores']} cores; {machine['device']}; {machine['os']};"
     yield f"Python {machine['python']}; {versions}; {' and '.join(dict.fromkeys(days))}."
     yield ""
-    yield "| case | contestant | median s (least to most) | runs | ratio | memory, MB | notes |"
-    yield "| --- | --- | --- | --- | --- | --- | --- |"
+    yield "| case | contestant | median s (least to most) | runs | ratio | CPU s | MB | notes |"
+    yield "| --- | --- | --- | --- | --- | --- | --- | --- |"
     for case in dict.fromkeys(record.result.case for record in records):
         yield from rows([record.result for record in records if record.result.case == case])
 
@@ -55,6 +56,7 @@ def rows(results: Iterable[Result]) -> Iterator[str]:
             f"{result.median:.4f} ({low:.4f} to {high:.4f})",
             str(len(result.seconds)),
             f"{result.median / results[0].median:.2f}",
+            f"{median(result.cpu_seconds):.4f}" if result.cpu_seconds else "",
             memory,
             notes,
         ]

@@ -42,6 +42,9 @@ class Result:
     case, contestant : str
     seconds : tuple of float
         Of each run, in their order; the warm-up is left out.
+    cpu_seconds : tuple of float
+        Likewise, the processor's seconds of all threads together: much the steadier figure where
+        others use the machine, and without meaning on a GPU.
     peak_nbytes : int or None
         Most by which a run, warm-up included, let the process grow; None if that is not known.
     notes : dict
@@ -51,6 +54,7 @@ class Result:
     case: str
     contestant: str
     seconds: tuple[float, ...]
+    cpu_seconds: tuple[float, ...] = ()
     peak_nbytes: int | None = None
     notes: dict[str, float] = field(default_factory=dict)
 
@@ -95,6 +99,7 @@ def compare(
     quick = [each for each in runs if each.seconds[0] <= patience]
     for each in quick:
         each.seconds.clear()
+        each.cpu_seconds.clear()
         each.notes.clear()
     for turn in range(repeats):
         first = turn % max(1, len(quick))
@@ -114,14 +119,16 @@ class _Runs:
 
     contestant: Contestant
     seconds: list[float] = field(default_factory=list)
+    cpu_seconds: list[float] = field(default_factory=list)
     notes: list[Mapping[str, float]] = field(default_factory=list)
     peak: int | None = None
 
     def once(self) -> None:
         with PeakMemory() as memory:
-            start = time.perf_counter()
+            start, cpu_start = time.perf_counter(), time.process_time()
             outcome = self.contestant.run()
             self.seconds.append(time.perf_counter() - start)
+            self.cpu_seconds.append(time.process_time() - cpu_start)
         self.notes.append(self.contestant.describe(outcome))
         if memory.nbytes is not None:
             self.peak = max(self.peak or 0, memory.nbytes)
@@ -129,4 +136,5 @@ class _Runs:
     def result(self, case: str) -> Result:
         names = dict.fromkeys(name for notes in self.notes for name in notes)
         notes = {name: median(each[name] for each in self.notes if name in each) for name in names}
-        return Result(case, self.contestant.name, tuple(self.seconds), self.peak, notes)
+        seconds, cpu_seconds = tuple(self.seconds), tuple(self.cpu_seconds)
+        return Result(case, self.contestant.name, seconds, cpu_seconds, self.peak, notes)

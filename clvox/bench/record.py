@@ -10,6 +10,8 @@ from typing import Any
 
 from clvox.bench.harness import Result
 
+_TIMES = "seconds", "cpu_seconds"
+
 
 @dataclass(frozen=True)
 class Record:
@@ -44,11 +46,13 @@ def read_records(path: Path) -> list[Record]:
 
 def _flat(record: Record) -> dict[str, Any]:
     result = asdict(record.result)
-    result["seconds"] = [round(seconds, 6) for seconds in record.result.seconds]
+    for name in _TIMES:
+        result[name] = [round(seconds, 6) for seconds in result[name]]
     result["notes"] = {name: round(value, 6) for name, value in record.result.notes.items()}
     return {"date": record.date, **result, "machine": record.machine}
 
 
 def _record(line: dict[str, Any]) -> Record:
     date, machine = line.pop("date"), line.pop("machine")
-    return Record(date, machine, Result(**{**line, "seconds": tuple(line["seconds"])}))
+    times = {name: tuple(line[name]) for name in _TIMES}
+    return Record(date, machine, Result(**{**line, **times}))

@@ -55,6 +55,7 @@ def test_results_come_in_order_and_without_the_warm_up() -> None:
     found = compare("a case", contestants([]), repeats=4)
     assert [(each.case, each.contestant) for each in found] == [("a case", name) for name in "abc"]
     assert [len(each.seconds) for each in found] == [4, 4, 4]
+    assert [len(each.cpu_seconds) for each in found] == [4, 4, 4]
     assert all(seconds >= 0 for each in found for seconds in each.seconds)
 
 
@@ -108,7 +109,11 @@ def test_peak_memory_is_unknown_on_other_systems(
 
 def record(case: str, seconds: float, contestant: str = "clvox") -> Record:
     """A result of some machine."""
-    return Record("2026-01-02", SOMEWHERE, Result(case, contestant, (seconds,), 10**6, {"n": 1.0}))
+    return Record(
+        "2026-01-02",
+        SOMEWHERE,
+        Result(case, contestant, (seconds,), (2 * seconds,), 10**6, {"n": 1.0}),
+    )
 
 
 def test_records_come_back(tmp_path: Path) -> None:
@@ -137,8 +142,8 @@ def test_table_tells_each_result_beside_the_first_of_its_case(tmp_path: Path) ->
     results.save([record("one", 0.5), record("one", 1.0, "a peer")], tmp_path)
     table = results.tables(tmp_path)
     assert "A (R) Processor, 2 cores; a device" in table
-    assert "| one | clvox | 0.5000 (0.5000 to 0.5000) | 1 | 1.00 | 1 | n 1 |" in table
-    assert "|  | a peer | 1.0000 (1.0000 to 1.0000) | 1 | 2.00 | 1 | n 1 |" in table
+    assert "| one | clvox | 0.5000 (0.5000 to 0.5000) | 1 | 1.00 | 1.0000 | 1 | n 1 |" in table
+    assert "|  | a peer | 1.0000 (1.0000 to 1.0000) | 1 | 2.00 | 2.0000 | 1 | n 1 |" in table
 
 
 def test_kept_results_can_be_read(capsys: pytest.CaptureFixture[str]) -> None:
