@@ -171,9 +171,10 @@ def _unit(name: str, value: ArrayLike) -> NDArray[np.float64]:
     except (TypeError, ValueError):
         vector = np.empty(0)
     if vector.shape != (3,) or not np.isfinite(vector).all() or not vector.any():
-        raise GridError(f"{name} must be three finite numbers, not all 0, got {_plain(value)}")
+        raise GridError(f"{name} must be three finite numbers, not all 0, got {_plain(value)!r}")
     vector = vector / np.abs(vector).max()
-    return vector / float(np.linalg.norm(vector))
+    unit: NDArray[np.float64] = vector / np.linalg.norm(vector)
+    return unit
 
 
 def _plain(value: object) -> object:

@@ -108,9 +108,9 @@ def _ray_arguments(rays: Rays) -> tuple[Argument, ...]:
 
 
 def _long4(values: Integers) -> np.generic:
-    return np.array((*values, 0), cltypes.long4)[()]
+    return np.void((*values, 0), cltypes.long4)
 
 
 def _float4(values: NDArray[np.float64] | tuple[float, ...]) -> np.generic:
     numbers = [*map(float, values), 0.0]
-    return np.array(tuple(numbers[:4]), cltypes.float4)[()]
+    return np.void(tuple(numbers[:4]), cltypes.float4)

@@ -8,9 +8,7 @@ from numpy.typing import NDArray
 from clvox.camera import Rays
 
 
-def first_voxels(
-    voxels: NDArray[np.bool_], rays: Rays, size: tuple[int, int]
-) -> NDArray[np.int32]:
+def first_voxels(voxels: NDArray[np.bool_], rays: Rays, size: tuple[int, int]) -> NDArray[np.int32]:
     """Return the first voxel that is inside along each ray.
 
     Planes between voxels are met at moments (see `Rays`), equal ones in the order of their axes,

@@ -72,9 +72,7 @@ def render(
     paint = Paint(COLOUR, _background(background), _offsets(model))
     samples = columns * SIDE, rows * SIDE
     grid = model.grid
-    view = View.fit(
-        _box(model), grid.shape, grid.spacing, samples, direction=direction, up=up
-    )
+    view = View.fit(_box(model), grid.shape, grid.spacing, samples, direction=direction, up=up)
     # What a model holds is for the modules below; a picture reads it as the model itself does.
     session, arrays = model._session, model._arrays  # noqa: SLF001
     image = np.empty((rows, columns, 4), np.uint8)
@@ -103,7 +101,8 @@ def _box(model: VoxelModel) -> NDArray[np.float64]:
         (found,) = np.nonzero(occupied.any(axis=others))
         low.append(found[0])
         high.append(found[-1] + 1)
-    return np.minimum(np.array([low, high]) * np.array(model.levels[1], dtype=float), shape)
+    box: NDArray[np.float64] = np.minimum(np.array([low, high]) * model.levels[1], shape)
+    return box
 
 
 def _offsets(model: VoxelModel) -> NDArray[np.float32]:
@@ -117,7 +116,8 @@ def _offsets(model: VoxelModel) -> NDArray[np.float32]:
     distance = (number * (np.sqrt(5.0) - 1) / 2) % 1
     widths = np.array(model.grid.spacing)
     reach = max(SKY_REACH * float((widths * model.grid.shape).max()), 3 * float(widths.max()))
-    return (directions * (reach * distance[:, None]) / widths).astype(np.float32)
+    offsets: NDArray[np.float32] = (directions * reach * distance[:, None] / widths).astype("f4")
+    return offsets
 
 
 def _size(size: tuple[int, int]) -> tuple[int, int]:
