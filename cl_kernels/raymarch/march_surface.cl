@@ -30,7 +30,7 @@ __kernel void march_surface(
     const ulong id = get_global_id(0);
     if (id >= (ulong)size.x * size.y) return;
     int3 hit = (int3)(-1, -1, -1);
-    const int column = (int)(id % size.x), row = (int)(id / size.x);
+    const int row = (int)(id / size.x), column = (int)(id - (ulong)row * size.x);
     long3 place = place_of(fraction, start, right, down, column, row);
     /* Others pass the grid so far off that their moments might not fit into 64 bits. */
     bool live = all(place < reach) && all(place > -reach);

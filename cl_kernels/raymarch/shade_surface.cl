@@ -124,7 +124,8 @@ __kernel void shade_surface(
 {
     const ulong id = get_global_id(0);
     if (id >= (ulong)size.x * size.y) return;
-    const int column = (int)(id % size.x) * SIDE, row = (int)(id / size.x) * SIDE;
+    const int line = (int)(id / size.x);
+    const int row = line * SIDE, column = (int)(id - (ulong)line * size.x) * SIDE;
     float3 sum = (float3)(0.0f);
     float covered = 0.0f;
     for (int sample = 0; sample < SIDE * SIDE; ++sample) {

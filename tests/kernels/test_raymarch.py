@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from clvox.camera import Rays, View
 from clvox.device import Session
 from clvox.grid import Shape
-from clvox.ops.layout import VoxelArrays
-from clvox.ops.pack import pack_dense, pack_voxels
+from clvox.ops.layout import Cells, VoxelArrays, cell_shape
 from clvox.ops.raymarch import SIDE, Paint, march_surface, shade_surface
+from clvox.reference.multilevel import pack_bits, pack_bricks, rank
 from clvox.reference.raymarch import first_voxels
 
 SIZE = 11, 9
@@ -30,11 +30,38 @@ def solid(rng: np.random.Generator) -> NDArray[np.bool_]:
     return voxels
 
 
+def dense(session: Session, voxels: NDArray[np.bool_]) -> VoxelArrays:
+    return VoxelArrays(shape_of(voxels), session.upload(pack_bits(voxels)))
+
+
+def two_levels(session: Session, voxels: NDArray[np.bool_], brick: Shape) -> VoxelArrays:
+    """With a brick in some cells that need none; cells beyond the grid are what the rest is."""
+    shape = shape_of(voxels)
+    cells = cell_shape(shape, brick)
+    padding = [(0, n * m - k) for n, m, k in zip(cells, brick, shape, strict=True)][::-1]
+    sides = [side for pair in zip(cells[::-1], brick[::-1], strict=True) for side in pair]
+
+    def blocks(array: NDArray[np.bool_], beyond: bool) -> NDArray[np.bool_]:
+        padded = np.pad(array, padding, constant_values=beyond)
+        return padded.reshape(sides).transpose(0, 2, 4, 1, 3, 5)
+
+    some = blocks(voxels, False).any(axis=(3, 4, 5))
+    every = blocks(voxels, True).all(axis=(3, 4, 5))
+    spare = np.arange(some.size).reshape(some.shape) % 5 == 0
+    boundary = (some & ~every) | spare
+    words = pack_bits(boundary)
+    bricks = pack_bricks(blocks(voxels, False)[boundary])
+    ranks = session.upload(rank(words))
+    held = Cells(cells, brick, session.upload(words), ranks, len(bricks))
+    inside = session.upload(pack_bits(every & ~boundary))
+    return VoxelArrays(shape, session.upload(bricks), held, inside)
+
+
 def models(
     session: Session, voxels: NDArray[np.bool_], rng: np.random.Generator
 ) -> list[VoxelArrays]:
     brick = BRICKS[rng.integers(len(BRICKS))]
-    return [pack_dense(session, voxels), pack_voxels(session, voxels, brick)]
+    return [dense(session, voxels), two_levels(session, voxels, brick)]
 
 
 def shape_of(voxels: NDArray[np.bool_]) -> Shape:
@@ -81,7 +108,7 @@ def test_most_rays_of_a_view_of_a_full_box_hit(session: Session) -> None:
     rays = View.fit(
         [(0, 0, 0), (6, 5, 4)], (6, 5, 4), (1, 1, 1), SIZE, direction=(-1, 2, -1), up=(0, 0, 1)
     ).rays
-    hits = march_surface(session, pack_voxels(session, voxels, (8, 8, 8)), rays, SIZE).get()
+    hits = march_surface(session, two_levels(session, voxels, (8, 8, 8)), rays, SIZE).get()
     assert (hits[..., 0] >= 0).mean() > 0.4
     assert (hits[0, 0] == -1).all()
 
@@ -91,7 +118,7 @@ def test_any_number_of_rays(session: Session, size: tuple[int, int]) -> None:
     """None, one, and one below, at and above that of a work-group."""
     voxels = np.ones((2, 2, 2), bool)
     rays = Rays(4, 0, 1 << 20, (1, 3, 2), (-40, 3, 5), (3, 1, 0), (0, 2, 3))
-    hits = march_surface(session, pack_dense(session, voxels), rays, size).get()
+    hits = march_surface(session, dense(session, voxels), rays, size).get()
     np.testing.assert_array_equal(hits, first_voxels(voxels, rays, size))
 
 
@@ -99,14 +126,14 @@ def test_rays_far_off_miss(session: Session) -> None:
     """Their moments would not fit; nothing may come of it but a miss."""
     voxels = np.ones((2, 2, 2), bool)
     rays = Rays(16, 0, 1 << 30, (1 << 17, 3, 5), (0, 1 << 60, 0), (0, 1 << 50, 0), (0, 0, 1))
-    hits = march_surface(session, pack_voxels(session, voxels, (2, 2, 2)), rays, SIZE).get()
+    hits = march_surface(session, two_levels(session, voxels, (2, 2, 2)), rays, SIZE).get()
     assert (hits == -1).all()
 
 
 def test_voxels_beyond_the_grid_are_never_met(session: Session) -> None:
     """A cell that is wholly inside may reach beyond the grid."""
     voxels = np.ones((9, 9, 9), bool)
-    arrays = pack_voxels(session, voxels, (8, 8, 8))
+    arrays = two_levels(session, voxels, (8, 8, 8))
     for direction in ((-1, -1, -1), (1, -1, 2), (-3, 1, 1), (0, 0, -1)):
         rays = View.fit(
             [(0, 0, 0), (9, 9, 9)], (9, 9, 9), (1, 1, 1), SIZE, direction=direction, up=(0, 1, 0)
@@ -155,7 +182,7 @@ def test_opacity_is_the_share_of_rays_that_hit(session: Session) -> None:
     view = View.fit(
         [(0, 0, 0), (8, 7, 6)], (8, 7, 6), (1, 1, 1), size, direction=(-1, 2, -1), up=(0, 0, 1)
     )
-    arrays = pack_voxels(session, voxels, (4, 4, 4))
+    arrays = two_levels(session, voxels, (4, 4, 4))
     hits = march_surface(session, arrays, view.rays, size)
     pixels = shade_surface(session, arrays, view, (1.0, 1.0, 1.0), hits, view.rays, PAINT).get()
     covered = hits.get()[..., 0] >= 0
