@@ -29,12 +29,11 @@ __kernel void march_surface(
 {
     const ulong id = get_global_id(0);
     if (id >= (ulong)size.x * size.y) return;
-    int3 hit = (int3)(-1, -1, -1);
     const int row = (int)(id / size.x), column = (int)(id - (ulong)row * size.x);
+    vstore3((int3)(-1, -1, -1), id, hits);
     long3 place = place_of(fraction, start, right, down, column, row);
     /* Others pass the grid so far off that their moments might not fit into 64 bits. */
-    bool live = all(place < reach) && all(place > -reach);
-    if (!live) place = 0;
+    if (!is_within(place, reach)) return;
 
     /* Masks as vectors choose by: -1 for true, in both widths. */
     const long3 moving = direction.xyz != 0, mirrored = direction.xyz < 0;
@@ -52,52 +51,49 @@ __kernel void march_surface(
     const long3 enters = moving ? zero + convert_long3(low) * step : (long3)LONG_MIN;
     const long3 leaves = moving ? zero + convert_long3(high) * step : (long3)LONG_MAX;
     const int3 standing = convert_int3(place >> (long)bits);
-    live = live && all(moves || (standing >= low && standing < high));
+    if (!all(moves || (standing >= low && standing < high))) return;
     int axis = last_axis(enters);
     long t = part_of(enters, axis);
     const int last = first_axis(leaves);
     const long end = part_of(leaves, last);
-    live = live && is_before(t, axis, end, last);
 
     /* The cell in which the ray is after the moment (t, axis), and when it leaves it. */
-    int3 cell = moves ? planes_met(zero, stride, t, axis) : standing / CELL;
-    long3 next = moving ? zero + convert_long3(cell + 1) * stride : (long3)LONG_MAX;
-    while (live) {
-        const int3 at = turned ? cells.xyz - 1 - cell : cell;
+    const int3 begin = moves ? planes_met(zero, stride, t, axis) : standing / CELL;
+    Walk voxel, cell = begin_walk(
+        begin, moving ? zero + convert_long3(begin + 1) * stride : (long3)LONG_MAX);
+    while (is_before(t, axis, end, last)) {
+        const int3 met = (int3)(cell.x, cell.y, cell.z);
+        const int3 at = turned ? cells.xyz - 1 - met : met;
 #if LEVELS == 1
         if (read_voxel(MODEL_ARGUMENTS, at.x, at.y, at.z)) {
-            hit = at;
-            break;
+            vstore3(at, id, hits);
+            return;
         }
 #else
         const ulong word = cell_word(cells, at.x, at.y, at.z);
         const uint bit = at.x % 32;
         const bool mixed = boundary[word] >> bit & 1;
         if (mixed || (inside[word] >> bit & 1)) {
-            const long3 since = zero + convert_long3(cell) * stride;
-            int3 voxel = moves ? planes_met(since, step, t, axis) : standing % CELL;
-            long3 then = moving ? since + convert_long3(voxel + 1) * step : (long3)LONG_MAX;
+            const long3 since = zero + convert_long3(met) * stride;
+            const int3 first = moves ? planes_met(since, step, t, axis)
+                                     : standing - met * CELL;
+            voxel = begin_walk(
+                first, moving ? since + convert_long3(first + 1) * step : (long3)LONG_MAX);
             const ulong base = mixed ? (ulong)rank_of(boundary, rank, word, bit) * BRICK_WORDS : 0;
-            while (all(voxel < CELL)) {
-                const int3 in = turned ? CELL - 1 - voxel : voxel;
+            while (voxel.x < BRICK_X && voxel.y < BRICK_Y && voxel.z < BRICK_Z) {
+                const int3 here = (int3)(voxel.x, voxel.y, voxel.z);
+                const int3 in = turned ? CELL - 1 - here : here;
                 const uint number = (in.z * BRICK_Y + in.y) * BRICK_X + in.x;
                 if (!mixed || (bricks[base + number / 32] >> (number % 32) & 1)) {
-                    hit = at * CELL + in;
-                    break;
+                    vstore3(at * CELL + in, id, hits);
+                    return;
                 }
-                const int3 forward = along(first_axis(then));
-                voxel -= forward;
-                then += step & convert_long3(forward);
+                step_along(&voxel, way_out(&voxel), step);
             }
-            if (hit.x >= 0) break;
         }
 #endif
-        axis = first_axis(next);
-        t = part_of(next, axis);
-        live = is_before(t, axis, end, last);
-        const int3 forward = along(axis);
-        cell -= forward;
-        next += stride & convert_long3(forward);
+        axis = way_out(&cell);
+        t = moment_out(&cell, axis);
+        step_along(&cell, axis, stride);
     }
-    vstore3(hit, id, hits);
 }

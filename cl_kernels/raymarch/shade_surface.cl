@@ -19,14 +19,14 @@
 #include "raymarch/rays.h"
 
 /* In or out, also beyond the grid. */
-static inline uint read_anywhere(const int4 shape, MODEL_PARAMETERS, const int3 voxel)
+INLINE uint read_anywhere(const int4 shape, MODEL_PARAMETERS, const int3 voxel)
 {
     if (any(voxel < 0) || any(voxel >= shape.xyz)) return 0;
     return read_voxel(MODEL_ARGUMENTS, voxel.x, voxel.y, voxel.z);
 }
 
 /* Where in its voxel the ray comes in, from the voxel's centre, and through which face. */
-static inline float3 entry_of(
+INLINE float3 entry_of(
     const int bits, const long4 direction, const long3 place, const int3 voxel, float3 *face)
 {
     const float3 from = convert_float3(place - convert_long3(voxel) * (1L << bits))
@@ -42,7 +42,7 @@ static inline float3 entry_of(
 
 /* Outward normal, in voxels, at `at` from the centre of `voxel`: not of length 1, but of about 1
  * on a plane, and of less where the voxels say little. */
-static inline float3 slope_at(
+INLINE float3 slope_at(
     const int4 shape, MODEL_PARAMETERS, const int3 voxel, const float3 at)
 {
     const float reach = WINDOW + 0.5f;
@@ -65,7 +65,7 @@ static inline float3 slope_at(
 
 /* How much of the sky a place sees, from 0 to 1: of the voxels at `offsets` those above the
  * surface count that are inside. */
-static inline float sky_at(
+INLINE float sky_at(
     const int4 shape, MODEL_PARAMETERS, const int3 voxel, const float3 at, const float3 normal,
     const int n, const __global float *restrict offsets)
 {
@@ -86,7 +86,7 @@ static inline float sky_at(
     return 1.0f - hidden / max(all_of_it, 1.0f);
 }
 
-static inline float3 light_of(
+INLINE float3 light_of(
     const float3 normal, const float sky, const float3 right, const float3 up, const float3 back,
     const float3 colour)
 {
@@ -104,7 +104,7 @@ static inline float3 light_of(
          + (float3)((0.16f * shine + 0.05f * rim) * sky);
 }
 
-static inline float3 to_srgb(const float3 linear)
+INLINE float3 to_srgb(const float3 linear)
 {
     const float3 value = clamp(linear, 0.0f, 1.0f);
     return value <= 0.0031308f ? value * 12.92f

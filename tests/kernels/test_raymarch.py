@@ -19,7 +19,7 @@ from clvox.reference.multilevel import pack_bits, pack_bricks, rank
 from clvox.reference.raymarch import first_voxels
 
 SIZE = 11, 9
-BRICKS = (8, 8, 8), (1, 1, 1), (3, 5, 2), (4, 4, 4)
+BRICKS = (8, 8, 8), (2, 4, 3), (3, 5, 2), (4, 4, 4)
 PAINT = Paint((0.3, 0.5, 0.7), (0.0, 0.0, 0.0, 0.0), np.ones((4, 3), np.float32))
 
 
