@@ -8,7 +8,7 @@
  * Host:       clvox/ops/raymarch.py, shade_surface()
  * Reference:  clvox/reference/raymarch.py, first_voxels(), says where colour is; colours may differ
  *             from device to device
- * Tests:      tests/kernels/test_raymarch.py
+ * Tests:      tests/api/test_render.py; not on Oclgrind, which crashes on it
  * Defines:    LEVELS, RULE, BRICK_X, BRICK_Y, BRICK_Z  (common/model.h)
  *             SIDE    samples along the side of a pixel
  *             WINDOW  voxels looked at on each side of a place
@@ -19,14 +19,14 @@
 #include "raymarch/rays.h"
 
 /* In or out, also beyond the grid. */
-INLINE uint read_anywhere(const int4 shape, MODEL_PARAMETERS, const int3 voxel)
+static inline uint read_anywhere(const int4 shape, MODEL_PARAMETERS, const int3 voxel)
 {
     if (any(voxel < 0) || any(voxel >= shape.xyz)) return 0;
     return read_voxel(MODEL_ARGUMENTS, voxel.x, voxel.y, voxel.z);
 }
 
 /* Where in its voxel the ray comes in, from the voxel's centre, and through which face. */
-INLINE float3 entry_of(
+static inline float3 entry_of(
     const int bits, const long4 direction, const long3 place, const int3 voxel, float3 *face)
 {
     const float3 from = convert_float3(place - convert_long3(voxel) * (1L << bits))
@@ -35,19 +35,17 @@ INLINE float3 entry_of(
     const float3 plane = ahead > 0.0f ? (float3)(0.0f) : (float3)(1.0f);
     const float3 times = ahead == 0.0f ? (float3)(-INFINITY) : (plane - from) / ahead;
     const float time = max(times.x, max(times.y, times.z));
-    *face = times.x == time ? (float3)(-ahead.x, 0.0f, 0.0f)
-          : times.y == time ? (float3)(0.0f, -ahead.y, 0.0f) : (float3)(0.0f, 0.0f, -ahead.z);
+    *face = times == time ? -sign(ahead) : (float3)(0.0f);
     return clamp(from + time * ahead, 0.0f, 1.0f) - 0.5f;
 }
 
 /* Outward normal, in voxels, at `at` from the centre of `voxel`: not of length 1, but of about 1
  * on a plane, and of less where the voxels say little. */
-INLINE float3 slope_at(
+static inline float3 slope_at(
     const int4 shape, MODEL_PARAMETERS, const int3 voxel, const float3 at)
 {
     const float reach = WINDOW + 0.5f;
-    float3 slope = (float3)(0.0f);
-    float most = 0.0f;
+    float right = 0.0f, back = 0.0f, up = 0.0f, most = 0.0f;
     for (int z = -WINDOW; z <= WINDOW; ++z)
         for (int y = -WINDOW; y <= WINDOW; ++y)
             for (int x = -WINDOW; x <= WINDOW; ++x) {
@@ -56,29 +54,28 @@ INLINE float3 slope_at(
                 if (share <= 0.0f) continue;
                 const float weight = share * share;
                 most += weight * length(away);
-                if (read_anywhere(shape, MODEL_ARGUMENTS, voxel + (int3)(x, y, z)))
-                    slope -= weight * away;
+                if (!read_anywhere(shape, MODEL_ARGUMENTS, voxel + (int3)(x, y, z))) continue;
+                right -= weight * away.x;
+                back -= weight * away.y;
+                up -= weight * away.z;
             }
     /* A half space has a quarter of it all. */
-    return slope * (4.0f / most);
+    return (float3)(right, back, up) * (4.0f / most);
 }
 
 /* How much of the sky a place sees, from 0 to 1: of the voxels at `offsets` those above the
  * surface count that are inside. */
-INLINE float sky_at(
+static inline float sky_at(
     const int4 shape, MODEL_PARAMETERS, const int3 voxel, const float3 at, const float3 normal,
     const int n, const __global float *restrict offsets)
 {
     float hidden = 0.0f, all_of_it = 0.0f;
     const float3 from = convert_float3(voxel) + 0.5f + at + 2.0f * normal;
     for (int i = 0; i < n; ++i) {
-        float3 offset = vload3(i, offsets);
-        float height = dot(offset, normal);
-        if (height < 0.0f) {
-            offset = -offset;
-            height = -height;
-        }
-        const float weight = height / length(offset);
+        const float3 either = vload3(i, offsets);
+        const float height = dot(either, normal);
+        const float3 offset = either * (height < 0.0f ? -1.0f : 1.0f);
+        const float weight = fabs(height) / length(offset);
         all_of_it += weight;
         if (read_anywhere(shape, MODEL_ARGUMENTS, convert_int3_rtn(from + offset)))
             hidden += weight;
@@ -86,7 +83,7 @@ INLINE float sky_at(
     return 1.0f - hidden / max(all_of_it, 1.0f);
 }
 
-INLINE float3 light_of(
+static inline float3 light_of(
     const float3 normal, const float sky, const float3 right, const float3 up, const float3 back,
     const float3 colour)
 {
@@ -104,7 +101,7 @@ INLINE float3 light_of(
          + (float3)((0.16f * shine + 0.05f * rim) * sky);
 }
 
-INLINE float3 to_srgb(const float3 linear)
+static inline float3 to_srgb(const float3 linear)
 {
     const float3 value = clamp(linear, 0.0f, 1.0f);
     return value <= 0.0031308f ? value * 12.92f
@@ -126,13 +123,14 @@ __kernel void shade_surface(
     if (id >= (ulong)size.x * size.y) return;
     const int line = (int)(id / size.x);
     const int row = line * SIDE, column = (int)(id - (ulong)line * size.x) * SIDE;
-    float3 sum = (float3)(0.0f);
-    float covered = 0.0f;
+    float red = 0.0f, green = 0.0f, blue = 0.0f, covered = 0.0f;
     for (int sample = 0; sample < SIDE * SIDE; ++sample) {
         const int u = column + sample % SIDE, v = row + sample / SIDE;
         const int3 voxel = vload3((ulong)v * size.x * SIDE + u, hits);
         if (voxel.x < 0) {
-            sum += background.xyz * background.w;
+            red += background.x * background.w;
+            green += background.y * background.w;
+            blue += background.z * background.w;
             covered += background.w;
             continue;
         }
@@ -146,10 +144,14 @@ __kernel void shade_surface(
         const float3 inner = normalize(slope + (doubt + 1e-3f) * straight);
         const float3 normal = normalize(inner / widths.xyz);
         const float sky = sky_at(shape, MODEL_ARGUMENTS, voxel, at, inner, n, offsets);
-        sum += light_of(normal, sky, right_of.xyz, up_of.xyz, back_of.xyz, colour.xyz);
+        const float3 light = light_of(
+            normal, sky, right_of.xyz, up_of.xyz, back_of.xyz, colour.xyz);
+        red += light.x;
+        green += light.y;
+        blue += light.z;
         covered += 1.0f;
     }
-    const float3 mean = to_srgb(sum / max(covered, 1e-6f));
+    const float3 mean = to_srgb((float3)(red, green, blue) / max(covered, 1e-6f));
     const float opacity = covered * (1.0f / (SIDE * SIDE));
     pixels[id] = convert_uchar4_sat_rte((float4)(mean, opacity) * 255.0f);
 }

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from importlib import import_module
 from typing import Any
 
@@ -11,8 +12,11 @@ import trimesh
 from numpy.typing import NDArray
 
 import clvox
+from clvox.camera import View
+from clvox.ops.raymarch import SIDE, Paint, march_surface, shade_surface
 
 SIZE = 96, 72
+PAINT = Paint((0.3, 0.5, 0.7), (0.0, 0.0, 0.0, 0.0), np.ones((4, 3), np.float32))
 
 
 @pytest.fixture(scope="module")
@@ -153,3 +157,28 @@ def test_voxels_too_unequal_to_draw_are_refused() -> None:
     model = clvox.VoxelModel.from_array(np.ones((8, 8, 8), bool), grid)
     with pytest.raises(clvox.GridError, match="too unequal to draw"):
         clvox.render(model, size=SIZE)
+
+
+def test_opacity_is_the_share_of_rays_that_hit() -> None:
+    """And without a hit there is no colour at all."""
+    rng = np.random.default_rng(4)
+    voxels = rng.random((6, 7, 8)) < 0.3
+    grid = clvox.Grid((0, 0, 0), 1.0, (8, 7, 6))
+    model = clvox.VoxelModel.from_array(voxels, grid, levels=[(2, 2, 2), (4, 4, 4)])
+    session, arrays = model._session, model._arrays
+    size = SIDE * SIZE[0], SIDE * SIZE[1]
+    view = View.fit(
+        [(0, 0, 0), (8, 7, 6)], (8, 7, 6), (1, 1, 1), size, direction=(-1, 2, -1), up=(0, 0, 1)
+    )
+    hits = march_surface(session, arrays, view.rays, size)
+    pixels = shade_surface(session, arrays, view, (1.0, 1.0, 1.0), hits, view.rays, PAINT).get()
+    covered = hits.get()[..., 0] >= 0
+    share = covered.reshape(SIZE[1], SIDE, SIZE[0], SIDE).mean(axis=(1, 3))
+    np.testing.assert_array_equal(pixels[..., 3], np.rint(255 * share))
+    assert 0 < share.mean() < 1
+    assert (pixels[share == 0, :3] == 0).all()
+    assert (pixels[share > 0, :3] > 0).any(axis=-1).all()
+    paper = replace(PAINT, background=(1.0, 1.0, 1.0, 1.0))
+    pixels = shade_surface(session, arrays, view, (1.0, 1.0, 1.0), hits, view.rays, paper).get()
+    assert (pixels[..., 3] == 255).all()
+    assert (pixels[share == 0] == 255).all()

@@ -1,8 +1,6 @@
-"""The first voxel along each ray, against a look at all voxels; and what colour there is."""
+"""The first voxel along each ray, against a look at all voxels."""
 
 from __future__ import annotations
-
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -14,13 +12,12 @@ from clvox.camera import Rays, View
 from clvox.device import Session
 from clvox.grid import Shape
 from clvox.ops.layout import Cells, VoxelArrays, cell_shape
-from clvox.ops.raymarch import SIDE, Paint, march_surface, shade_surface
+from clvox.ops.raymarch import march_surface
 from clvox.reference.multilevel import pack_bits, pack_bricks, rank
 from clvox.reference.raymarch import first_voxels
 
 SIZE = 11, 9
 BRICKS = (8, 8, 8), (2, 4, 3), (3, 5, 2), (4, 4, 4)
-PAINT = Paint((0.3, 0.5, 0.7), (0.0, 0.0, 0.0, 0.0), np.ones((4, 3), np.float32))
 
 
 def solid(rng: np.random.Generator) -> NDArray[np.bool_]:
@@ -172,26 +169,3 @@ def test_moments_fit_into_64_bits(
         # A ray through the middle of the grid is followed.
         middle = rays.start[axis] + size[0] // 2 * rays.right[axis] + size[1] // 2 * rays.down[axis]
         assert abs(middle >> rays.fraction) < rays.reach
-
-
-def test_opacity_is_the_share_of_rays_that_hit(session: Session) -> None:
-    """And without a hit there is no colour at all."""
-    rng = np.random.default_rng(4)
-    voxels = rng.random((6, 7, 8)) < 0.3
-    size = 2 * SIZE[0], 2 * SIZE[1]
-    view = View.fit(
-        [(0, 0, 0), (8, 7, 6)], (8, 7, 6), (1, 1, 1), size, direction=(-1, 2, -1), up=(0, 0, 1)
-    )
-    arrays = two_levels(session, voxels, (4, 4, 4))
-    hits = march_surface(session, arrays, view.rays, size)
-    pixels = shade_surface(session, arrays, view, (1.0, 1.0, 1.0), hits, view.rays, PAINT).get()
-    covered = hits.get()[..., 0] >= 0
-    share = covered.reshape(SIZE[1], SIDE, SIZE[0], SIDE).mean(axis=(1, 3))
-    np.testing.assert_array_equal(pixels[..., 3], np.rint(255 * share))
-    assert 0 < share.mean() < 1
-    assert (pixels[share == 0, :3] == 0).all()
-    assert (pixels[share > 0, :3] > 0).any(axis=-1).all()
-    paper = replace(PAINT, background=(1.0, 1.0, 1.0, 1.0))
-    pixels = shade_surface(session, arrays, view, (1.0, 1.0, 1.0), hits, view.rays, paper).get()
-    assert (pixels[..., 3] == 255).all()
-    assert (pixels[share == 0] == 255).all()
