@@ -135,9 +135,7 @@ def test_a_side_in_a_face_belongs_to_one_triangle_and_an_inner_side_to_two() -> 
 
 @pytest.mark.parametrize("axis", range(3))
 def test_cubes_agree_on_the_face_between_them(axis: int) -> None:
-    """The sides in a face depend on its four samples only, and neighbours run along them
-    in opposite directions.
-    """
+    """The sides in a face depend on its samples only; neighbours run along them in opposite ways."""
     below: dict[bytes, set[Side]] = {}
     above: dict[bytes, set[Side]] = {}
     for case in range(256):
@@ -192,8 +190,10 @@ def test_the_euler_number_is_right_in_every_cube() -> None:
 
 
 def test_the_triangles_of_a_cube_meet_only_in_what_they_share() -> None:
-    """So the surface does not cut itself: a plane stands between any two triangles, and touches
-    them in common vertices only; and none lies in a face, where a neighbour might have another.
+    """So the surface does not cut itself.
+
+    A plane stands between any two triangles, and touches them in common vertices only; and none
+    lies in a face, where a neighbour might have another.
     """
     normals = np.array(list(itertools.product(range(-2, 3), repeat=3)))
     for case in range(256):
