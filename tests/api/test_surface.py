@@ -135,7 +135,7 @@ def test_a_side_in_a_face_belongs_to_one_triangle_and_an_inner_side_to_two() -> 
 
 @pytest.mark.parametrize("axis", range(3))
 def test_cubes_agree_on_the_face_between_them(axis: int) -> None:
-    """The sides in a face depend on its samples only; neighbours run along them in opposite ways."""
+    """Sides in a face depend on its samples only; neighbours run along them in opposite ways."""
     below: dict[bytes, set[Side]] = {}
     above: dict[bytes, set[Side]] = {}
     for case in range(256):
