@@ -168,7 +168,7 @@ class Session:
         return program
 
 
-def _value(argument: Argument) -> cl.MemoryObjectHolder | np.generic | None:
+def _value(argument: Argument) -> Any:
     """What OpenCL is given for an argument."""
     if isinstance(argument, cla.Array):
         return argument.base_data

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import zipfile
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -95,18 +96,16 @@ def unpack(session: Session, record: dict[str, NDArray[Any]]) -> tuple[Grid, Vox
 
 def write(path: str | os.PathLike[str], record: dict[str, NDArray[Any]]) -> None:
     """Write *record* to an ``.npz`` file; whole, or not at all."""
-    target = os.fspath(path)
-    if not target.endswith(".npz"):
+    target = Path(path)
+    if target.suffix != ".npz":
         raise FormatError(f"a model is saved as .npz, got {target}")
-    partial = f"{target}.partial"
+    partial = target.with_name(f"{target.name}.partial")
     try:
-        with open(partial, "wb") as file:
+        with partial.open("wb") as file:
             np.savez_compressed(file, allow_pickle=False, **record)
-        os.replace(partial, target)
-    except BaseException:
-        if os.path.exists(partial):
-            os.remove(partial)
-        raise
+        partial.replace(target)
+    finally:
+        partial.unlink(missing_ok=True)
 
 
 def read(path: str | os.PathLike[str]) -> dict[str, NDArray[Any]]:

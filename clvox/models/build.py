@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from typing import Any, TypeAlias
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -16,22 +16,12 @@ from clvox.device import DeviceLike, Session, open_session
 from clvox.errors import GridError
 from clvox.grid import Axis, Grid, Lattice, Shape
 from clvox.mesh import MeshLike, Surface, check
+from clvox.models.levels import Levels, fill_box, resolve_levels
 from clvox.models.voxels import Report, VoxelModel
 from clvox.ops import boundary, crossings, dense
 from clvox.ops.facets import Facets, Progress, upload_facets
-from clvox.ops.layout import Bricks, VoxelArrays, cell_shape, words_for
+from clvox.ops.layout import Bricks, VoxelArrays, words_for
 from clvox.ops.multilevel import carry, rank_cells
-
-Levels: TypeAlias = Sequence[ArrayLike]
-
-MOST_CELLS = 1 << 27
-"""Most cells of a coarse grid; finer grids get larger bricks."""
-
-MOST_SIDE = 64
-"""Longest side of a brick, in voxels."""
-
-BRICK_SIDES = 8, 16, 32, 64
-"""Sides of the bricks tried by default, the fastest first."""
 
 
 def voxelize(
@@ -108,7 +98,7 @@ def voxelize(
     surface = check(mesh)
     surface.require_closed()
     if grid is None and resolution is None and pitch is None and levels is not None:
-        grid = _box_of(surface, levels)
+        grid = fill_box(surface.bounds, levels)
     elif grid is None:
         grid = Grid.fit(surface, resolution=resolution, pitch=pitch)
     elif resolution is not None or pitch is not None:
@@ -116,7 +106,7 @@ def voxelize(
     shapes = resolve_levels(grid.shape, levels)
     lattice = Lattice.fit(grid, surface.bounds, bits=lattice_bits)
     session = open_session(device)
-    with _told(progress, 2 * len(surface.faces)) as tell:
+    with _told(2 * len(surface.faces), progress=progress) as tell:
         return _build(session, surface, lattice, shapes, tell)
 
 
@@ -179,38 +169,6 @@ def count_crossings(
     return result
 
 
-def resolve_levels(shape: Shape, levels: Levels | None) -> tuple[Shape, ...]:
-    """Return the shapes of the levels asked for, or of the default ones, for *shape* voxels.
-
-    Raises
-    ------
-    GridError
-        The levels do not hold *shape*, or a brick's side is not between 1 and 64 voxels.
-    """
-    if levels is None:
-        for side in BRICK_SIDES:
-            brick = (side, side, side)
-            cells = cell_shape(shape, brick)
-            if cells[0] * cells[1] * cells[2] <= MOST_CELLS:
-                return cells, brick
-        raise GridError(
-            f"a grid of {shape} voxels needs more than {MOST_CELLS} cells of {MOST_SIDE} voxels a "
-            "side. Use a coarser pitch."
-        )
-    shapes = _shapes(levels)
-    if len(shapes) == 1 and shapes[0] != shape:
-        raise GridError(f"one level must have the grid's shape {shape}, got {shapes[0]}")
-    if len(shapes) == 2:
-        if max(shapes[1]) > MOST_SIDE:
-            raise GridError(f"a brick has 1 to {MOST_SIDE} voxels a side, got {shapes[1]}")
-        if shapes[0] != (needed := cell_shape(shape, shapes[1])):
-            raise GridError(
-                f"a grid of {shape} voxels has {needed} cells of {shapes[1]}; levels say "
-                f"{shapes[0]}"
-            )
-    return shapes
-
-
 @dataclass
 class _Stages:
     """Seconds per stage of a build; each ends with the device idle."""
@@ -261,7 +219,7 @@ def _build(
         peak_nbytes=session.peak_nbytes,
         warnings=tuple(warnings),
     )
-    return VoxelModel(session, lattice.grid, arrays, report, surface, lattice)
+    return VoxelModel(session, lattice.grid, arrays, report, ((surface, lattice),))
 
 
 def _build_bricks(
@@ -312,28 +270,6 @@ def _build_dense(
     return VoxelArrays(shape, voxels), odd_rays, 0
 
 
-def _box_of(surface: Surface, levels: Levels) -> Grid:
-    """The grid that the levels cut the mesh's bounding box into, without padding."""
-    shapes = _shapes(levels)
-    shape = np.prod(np.array(shapes, dtype=np.int64), axis=0)
-    low, high = surface.bounds
-    return Grid(low, (high - low) / shape, shape)
-
-
-def _shapes(levels: Levels) -> tuple[Shape, ...]:
-    try:
-        shapes = np.array(list(levels))
-    except (TypeError, ValueError):
-        shapes = np.array(None)
-    if shapes.dtype.kind not in "iu" or shapes.ndim != 2 or shapes.shape[1] != 3:
-        raise GridError(f"levels must be triples of integers, got {levels!r}")
-    if not 1 <= len(shapes) <= 2:
-        raise GridError(f"a model has one or two levels, got {len(shapes)}")
-    if shapes.min() < 1:
-        raise GridError(f"levels must be positive, got {levels!r}")
-    return tuple((int(x), int(y), int(z)) for x, y, z in shapes)
-
-
 def _part(tell: Progress | None, part: int) -> Progress | None:
     """Progress of one of two passes over the triangles, as progress of the whole."""
     if tell is None:
@@ -342,7 +278,7 @@ def _part(tell: Progress | None, part: int) -> Progress | None:
 
 
 @contextmanager
-def _told(progress: bool | Progress | None, total: int) -> Iterator[Progress | None]:
+def _told(total: int, *, progress: bool | Progress | None) -> Iterator[Progress | None]:
     """Whom to tell of progress: the caller's function, a bar, or nobody."""
     if not isinstance(progress, bool):
         yield progress

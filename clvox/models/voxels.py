@@ -19,8 +19,10 @@ from clvox.errors import GridError, MeshError
 from clvox.grid import Grid, Lattice, Shape
 from clvox.mesh import Surface
 from clvox.models import archive
-from clvox.ops import measure, pack, query
+from clvox.models.levels import Levels, resolve_levels
+from clvox.ops import combine, measure, pack, query
 from clvox.ops.boundary import mark_cells, mark_voxels
+from clvox.ops.combine import Operation
 from clvox.ops.facets import Progress, upload_facets
 from clvox.ops.layout import VoxelArrays
 from clvox.ops.query import Rule
@@ -72,6 +74,7 @@ class Report:
     warnings: tuple[str, ...] = ()
 
 
+@dataclass(frozen=True, eq=False, repr=False)
 class VoxelModel:
     """A solid as voxels, on one level or two, on an OpenCL device.
 
@@ -87,34 +90,11 @@ class VoxelModel:
         How the model was built.
     """
 
-    grid: Grid
-    report: Report
-
-    def __init__(
-        self,
-        session: Session,
-        grid: Grid,
-        arrays: VoxelArrays,
-        report: Report,
-        surface: Surface | None = None,
-        lattice: Lattice | None = None,
-    ) -> None:
-        self.__dict__.update(
-            grid=grid,
-            report=report,
-            _session=session,
-            _arrays=arrays,
-            _surface=surface,
-            _lattice=lattice,
-        )
-
     _session: Session
+    grid: Grid
     _arrays: VoxelArrays
-    _surface: Surface | None
-    _lattice: Lattice | None
-
-    def __setattr__(self, name: str, value: object) -> None:
-        raise AttributeError(f"a VoxelModel does not change: cannot set {name!r}")
+    report: Report
+    _surfaces: tuple[tuple[Surface, Lattice], ...] = ()
 
     @classmethod
     def from_array(
@@ -122,7 +102,7 @@ class VoxelModel:
         voxels: ArrayLike,
         grid: Grid,
         *,
-        levels: Any = None,
+        levels: Levels | None = None,
         device: DeviceLike = None,
     ) -> VoxelModel:
         """Return the model whose voxels are those that are true in *voxels*.
@@ -141,8 +121,6 @@ class VoxelModel:
         GridError
             The array has not the grid's shape, or *levels* do not agree with it.
         """
-        from clvox.models.build import resolve_levels
-
         array = np.asarray(voxels)
         if array.shape != grid.array_shape:
             raise GridError(
@@ -192,14 +170,43 @@ class VoxelModel:
             return True
         if self.grid != other.grid or self.count != other.count:
             return False
-        slabs = zip(self._slabs(Rule.CENTRE), other._slabs(Rule.CENTRE), strict=True)
-        return all(np.array_equal(mine, theirs) for (_, mine), (_, theirs) in slabs)
+        return not (self ^ other._on(self._session)).count
 
     def __hash__(self) -> int:
         return hash((self.grid, self.count))
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return _restore, (self.to_record(), self.report, self._surface, self._lattice)
+        return _restore, (self.to_record(), self.report, self._surfaces)
+
+    # Combinations
+
+    def __or__(self, other: VoxelModel) -> VoxelModel:
+        """The voxels inside either model."""
+        return self._combined(other, Operation.UNION) if _is_model(other) else NotImplemented
+
+    def __and__(self, other: VoxelModel) -> VoxelModel:
+        """The voxels inside both models."""
+        return self._combined(other, Operation.INTERSECTION) if _is_model(other) else NotImplemented
+
+    def __sub__(self, other: VoxelModel) -> VoxelModel:
+        """The voxels inside this model and not the other."""
+        return self._combined(other, Operation.DIFFERENCE) if _is_model(other) else NotImplemented
+
+    def __xor__(self, other: VoxelModel) -> VoxelModel:
+        """The voxels inside exactly one of the models."""
+        return self._combined(other, Operation.XOR) if _is_model(other) else NotImplemented
+
+    def __invert__(self) -> VoxelModel:
+        """The voxels of the grid's box that are not inside."""
+        return self._with(combine.complement(self._session, self._arrays), self._surfaces)
+
+    def compact(self) -> VoxelModel:
+        """Return the same voxels without bricks whose voxels are all alike.
+
+        Combining models leaves such bricks: they cost memory and change no answer.
+        """
+        brick = self.levels[1] if len(self.levels) == 2 else None
+        return self._with(combine.rebrick(self._session, self._arrays, brick), self._surfaces)
 
     # Measures
 
@@ -363,17 +370,52 @@ class VoxelModel:
     @cached_property
     def _edge(self) -> cla.Array:
         """Which voxels the mesh touches, laid out like the voxels; marked when first asked for."""
-        if self._surface is None or self._lattice is None:
+        if not self._surfaces:
             raise MeshError(
                 "this model was not made from a mesh, so no voxel is known to be touched; "
                 'rule="centre" and contains() need none'
             )
-        vertices = self._lattice.snap(self._surface.vertices)
-        facets = upload_facets(self._session, vertices, self._surface.faces)
-        bits, shape = self._lattice.bits, self.grid.shape
-        if self._arrays.cells is None:
-            return mark_cells(self._session, facets, bits, shape, (1, 1, 1))
-        return mark_voxels(self._session, facets, bits, shape, self._arrays.cells)
+        shape, cells = self.grid.shape, self._arrays.cells
+        marks = self._session.zeros(self._arrays.voxels.shape, np.uint32)
+        for surface, lattice in self._surfaces:
+            vertices = lattice.snap(surface.vertices)
+            facets = upload_facets(self._session, vertices, surface.faces)
+            if cells is None:
+                mark_cells(self._session, facets, lattice.bits, shape, (1, 1, 1), marks)
+            else:
+                mark_voxels(self._session, facets, lattice.bits, shape, cells, marks)
+        return marks
+
+    def _combined(self, other: VoxelModel, operation: Operation) -> VoxelModel:
+        if self.grid != other.grid:
+            raise GridError(
+                f"the models are on different grids: {self.grid} and {other.grid}. Voxelize both "
+                "on one grid (grid=)."
+            )
+        bits = {lattice.bits for _, lattice in self._surfaces + other._surfaces}
+        if len(bits) > 1:
+            raise GridError(
+                f"the models are on different lattices of the grid {self.grid}: lattice_bits are "
+                f"{' and '.join(map(str, sorted(bits)))}. Voxelize both with the smaller one."
+            )
+        other = other._on(self._session)
+        arrays = combine.combine(self._session, self._arrays, other._arrays, operation)
+        known = self._surfaces and other._surfaces
+        surfaces = tuple(dict.fromkeys(self._surfaces + other._surfaces)) if known else ()
+        return self._with(arrays, surfaces)
+
+    def _with(
+        self, arrays: VoxelArrays, surfaces: tuple[tuple[Surface, Lattice], ...]
+    ) -> VoxelModel:
+        """A model that another one became."""
+        return VoxelModel(self._session, self.grid, arrays, Report(device=self.device), surfaces)
+
+    def _on(self, session: Session) -> VoxelModel:
+        """The same model on the device of *session*."""
+        if session is self._session:
+            return self
+        _, arrays = archive.unpack(session, self.to_record())
+        return VoxelModel(session, self.grid, arrays, self.report, self._surfaces)
 
     def _slabs(
         self, rule: Rule, start: Shape = (0, 0, 0), stop: Shape | None = None
@@ -410,20 +452,23 @@ def load_model(path: str | os.PathLike[str], *, device: DeviceLike = None) -> Vo
     FormatError
         The file is not such a model, or is damaged.
     """
-    return _restore(archive.read(path), None, None, None, device)
+    return _restore(archive.read(path), None, (), device)
 
 
 def _restore(
     record: dict[str, NDArray[Any]],
     report: Report | None,
-    surface: Surface | None,
-    lattice: Lattice | None,
+    surfaces: tuple[tuple[Surface, Lattice], ...],
     device: DeviceLike = None,
 ) -> VoxelModel:
     session = open_session(device)
     grid, arrays = archive.unpack(session, record)
     report = report or Report(device=str(session.device))
-    return VoxelModel(session, grid, arrays, report, surface, lattice)
+    return VoxelModel(session, grid, arrays, report, surfaces)
+
+
+def _is_model(other: object) -> bool:
+    return isinstance(other, VoxelModel)
 
 
 def _rule(name: str) -> Rule:

@@ -27,17 +27,19 @@ def mark_cells(
     bits: int,
     shape: Shape,
     brick: Shape,
+    marks: cla.Array | None = None,
     *,
     progress: Progress | None = None,
     direct: int = DIRECT,
     tile: int = TILE,
 ) -> cla.Array:
-    """Return a bit for each cell of *brick* voxels: does a triangle touch the closed cell?
+    """Return a bit for each cell of *brick* voxels that says whether a triangle touches it.
 
-    The result is (Nz, Ny, words) uint32, bits along x.
+    The result is (Nz, Ny, words) uint32, bits along x: *marks*, if given, added to.
     """
     cells = cell_shape(shape, brick)
-    marks = session.zeros((cells[2], cells[1], words_for(cells[0])), np.uint32)
+    if marks is None:
+        marks = session.zeros((cells[2], cells[1], words_for(cells[0])), np.uint32)
     defines = _defines(bits, brick, _CELLS, direct, tile)
     visit_facets(session, _FILE, "mark", facets, int4(cells), (marks,), defines, progress)
     return marks
@@ -49,16 +51,19 @@ def mark_voxels(
     bits: int,
     shape: Shape,
     cells: Cells,
+    marks: cla.Array | None = None,
     *,
     progress: Progress | None = None,
     direct: int = DIRECT,
     tile: int = TILE,
 ) -> cla.Array:
-    """Return a bit for each voxel of each brick: does a triangle touch the closed voxel?
+    """Return a bit for each voxel of each brick that says whether a triangle touches it.
 
-    The result is laid out like the bricks; bits of the padding are zero.
+    The result is laid out like the bricks; bits of the padding are zero.  It is *marks*, if
+    given, added to.
     """
-    marks = session.zeros((cells.count, cells.brick_words), np.uint32)
+    if marks is None:
+        marks = session.zeros((cells.count, cells.brick_words), np.uint32)
     defines = _defines(bits, (1, 1, 1), _VOXELS, direct, tile) | cells.defines
     sink = cells.shape4, cells.boundary, cells.rank, marks
     visit_facets(session, _FILE, "mark", facets, int4(shape), sink, defines, progress)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import cast
 
 import numpy as np
 import pyopencl.array as cla
@@ -21,12 +22,12 @@ def words_for(bits: int) -> int:
 
 def int4(triple: Shape) -> np.generic:
     """A kernel's argument for three integers."""
-    return np.array((*triple, 0), cltypes.int4)[()]
+    return cast("np.generic", np.array((*triple, 0), cltypes.int4)[()])
 
 
 def int2(first: int, second: int) -> np.generic:
     """A kernel's argument for two integers."""
-    return np.array((first, second), cltypes.int2)[()]
+    return cast("np.generic", np.array((first, second), cltypes.int2)[()])
 
 
 @dataclass(frozen=True)

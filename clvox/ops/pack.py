@@ -56,7 +56,7 @@ def _slabs(
     session: Session, voxels: NDArray[np.bool_], cells: Shape, brick: Shape
 ) -> Iterator[tuple[int, int, cla.Array]]:
     """First layer of cells, number of layers, and their voxels as bytes on the device."""
-    nz, ny, nx = voxels.shape
+    _, ny, nx = voxels.shape
     most = max(1, SLAB_BYTES // (ny * nx * brick[2]))
     for layer in range(0, cells[2], most):
         layers = min(most, cells[2] - layer)
