@@ -6,6 +6,7 @@ import os
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from clvox.grid import Shape
 from clvox.ops.facets import Facets, upload_facets
@@ -62,3 +63,39 @@ def meshes_for(seed: int, count: int, bits: int, shape: Shape) -> list[Mesh]:
         *large_tetrahedra(seed, max(count // 2, 1), bits, shape),
         soup(seed, count, bits, shape),
     ]
+
+
+def flat_triangles(seed: int, count: int, bits: int, shape: Shape) -> Mesh:
+    """Return *count* triangles without area: points, and segments with the third corner on them."""
+    source = Seeded(np.random.default_rng(seed), bits, shape)
+    vertices, faces = [], []
+    for i in range(count):
+        a, b = ([position(source, axis) for axis in range(3)] for _ in range(2))
+        if i % 3 == 0:
+            # Along one axis, or in the plane of two.
+            for axis in source.order(3)[: source.integer(1, 2)]:
+                b[axis] = a[axis]
+        if i % 11 == 0:
+            b = a
+        between = [
+            [(p * (4 - part) + q * part) // 4 for p, q in zip(a, b, strict=True)]
+            for part in range(5)
+            if all(p * (4 - part) + q * part & 3 == 0 for p, q in zip(a, b, strict=True))
+        ]
+        corners = [a, b, between[source.integer(0, len(between) - 1)]]
+        faces.append([3 * i + corner for corner in source.order(3)])
+        vertices += corners
+    return np.array(vertices, dtype=np.int64), np.array(faces, dtype=np.int32)
+
+
+def bricks_at(
+    voxels: NDArray[np.bool_], boundary: NDArray[np.bool_], brick: Shape
+) -> NDArray[np.bool_]:
+    """Return the voxels of each boundary cell, (bricks, n1z, n1y, n1x); the padding is False."""
+    sides = brick[::-1]
+    whole = [count * side for count, side in zip(boundary.shape, sides, strict=True)]
+    padded = np.zeros(whole, dtype=np.bool_)
+    padded[tuple(slice(count) for count in voxels.shape)] = voxels
+    (nz, ny, nx), (n1z, n1y, n1x) = boundary.shape, sides
+    blocks = padded.reshape(nz, n1z, ny, n1y, nx, n1x).transpose(0, 2, 4, 1, 3, 5)
+    return np.ascontiguousarray(blocks[boundary])
