@@ -203,9 +203,10 @@ __kernel void terms(
 """
 
 
-def build_signs(session: Session) -> cl.Program:
-    source = read_source("common/exact_sign.h") + SIGNS
-    return cl.Program(session._context, source).build(["-cl-std=CL1.2", "-Werror"])
+def kernel_of_signs(session: Session, name: str) -> cl.Kernel:
+    program = cl.Program(session._context, read_source("common/exact_sign.h") + SIGNS)
+    program.build(["-cl-std=CL1.2", "-Werror"])
+    return cl.Kernel(program, name)
 
 
 def sign(number: int) -> int:
@@ -229,7 +230,7 @@ def test_sign_is_exact_for_every_estimate_within_its_bound(session: Session) -> 
     words = np.array([number % 2**64 for number in numbers], dtype=np.uint64)
     found = session.empty(len(numbers), np.int64)
     session.run(
-        *(build_signs(session).signs, len(numbers), np.uint64(len(numbers))),
+        *(kernel_of_signs(session, "signs"), len(numbers), np.uint64(len(numbers))),
         *(session.upload(np.array(estimates)), session.upload(words), found),
     )
     assert np.sign(found.get()).tolist() == [sign(number) for number in numbers]
@@ -255,7 +256,7 @@ def test_plane_terms_keep_the_bound_and_the_sign(session: Session) -> None:
     normals[1], steps[3], normals[5] = -most, -far, (most, -most, 1)
     estimates, found = session.empty(count, np.float32), session.empty(count, np.int64)
     session.run(
-        *(build_signs(session).terms, count, np.uint64(count), session.upload(normals)),
+        *(kernel_of_signs(session, "terms"), count, np.uint64(count), session.upload(normals)),
         *(session.upload(steps.astype(np.int32)), estimates, found),
     )
     true = [

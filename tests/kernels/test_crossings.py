@@ -5,13 +5,15 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+import pyopencl as cl
 import pytest
 from hypothesis import given
 from numpy.typing import NDArray
 
+from clvox.device.source import read_source
 from clvox.grid import Axis, Grid, Lattice, Shape
 from clvox.ops.crossings import count_crossings, flip_bricks, flip_dense
-from clvox.ops.layout import Bricks, Cells, cell_shape, words_for
+from clvox.ops.layout import Bricks, Cells, cell_shape, int2, words_for
 from clvox.ops.multilevel import rank_cells
 from clvox.reference import crossings as twin
 from clvox.reference.boundary import touched
@@ -176,6 +178,56 @@ def test_brick_flips_equal_the_twin(session: Session, case: Case, brick: Shape) 
         found = (bricks.voxels, bricks.exits, bricks.entry, bricks.beyond)
         for words, expected in zip(found, bricks_of(mesh, bits, shape, cells), strict=True):
             np.testing.assert_array_equal(words.get(), expected, strict=True)
+
+
+# A sink of the tests' own, for rays along any axis: how many crossings have each slot.
+SLOTS = """
+#define SINK_PARAMETERS const int depth, __global uint *slots
+#define MAKE_SINK(rays) { (rays).y, depth, slots }
+typedef struct {
+    int rays_v, depth;
+    __global uint *slots;
+} Sink;
+
+static inline void cross(Sink *sink, const int u, const int v, const int slot)
+{
+    const int at = clamp(slot, 0, sink->depth);
+    atomic_inc(sink->slots + (u * sink->rays_v + v) * (sink->depth + 1) + at);
+}
+"""
+
+
+@every_axis
+@pytest.mark.parametrize(("bits", "shape"), [(8, SMALL), (7, (5, 6, 4)), (14, (10, 9, 11))])
+def test_slots_along_every_axis_equal_the_twin(
+    session: Session, bits: int, shape: Shape, axis: Axis
+) -> None:
+    """And so rays along x, y and z give the same voxels."""
+    at = twin.AXES[axis]
+    rays_u, rays_v, depth = shape[(at + 1) % 3], shape[(at + 2) % 3], shape[at]
+    defines = {"AXIS": at, "STEP_BITS": bits, "SINK": 3, "DIRECT": 1 << 30, "TILE": 1}
+    program = cl.Program(session._context, SLOTS + read_source("crossings/cast_rays.cl"))
+    program.build(["-cl-std=CL1.2", *(f"-D{name}={value}" for name, value in defines.items())])
+    kernel = cl.Kernel(program, "cast_direct")
+    for mesh in meshes_for(18, 60, bits, shape):
+        facets = facets_of(session, mesh)
+        triangles = np.uint64(len(mesh[1]))
+        slots = session.zeros((rays_u, rays_v, depth + 1), np.uint32)
+        listed = session.zeros(1, np.uint32)
+        session.run(
+            *(kernel, int(triangles), np.uint64(0), triangles, int2(rays_u, rays_v)),
+            *(facets.faces, facets.vertices, listed, listed, np.int32(depth), slots),
+        )
+        assert listed.get()[0] == 0
+        found = slots.get().transpose((1, 0, 2) if axis == "y" else (0, 1, 2))
+        expected = np.zeros_like(found)
+        for crossing in twin.crossings(*mesh, bits, shape, axis):
+            expected[crossing.u, crossing.v, min(max(crossing.slot, 0), depth)] += 1
+        np.testing.assert_array_equal(found, expected, strict=True)
+        if not (found.sum(axis=2) % 2).any():
+            inside = np.logical_xor.accumulate(found % 2 == 1, axis=2)[..., :-1]
+            along_y = twin.fill_parity(*mesh, bits, shape, "y")
+            np.testing.assert_array_equal(np.moveaxis(inside, 2, at).T, along_y, strict=True)
 
 
 @every_axis

@@ -1,4 +1,4 @@
-"""Prefix sums equal those of Python integers, at every size about the edges of groups and chunks."""
+"""Prefix sums equal those of Python integers, at all sizes about the edges of groups and chunks."""
 
 from __future__ import annotations
 
