@@ -6,6 +6,7 @@ import os
 from typing import TYPE_CHECKING
 
 import numpy as np
+import pyopencl as cl
 from numpy.typing import NDArray
 
 from clvox.grid import Shape
@@ -22,6 +23,18 @@ INTERPRETED = os.environ.get("HYPOTHESIS_PROFILE") == "oclgrind"
 def some(count: int, least: int = 2) -> int:
     """How many cases to try: *count*, or a thirtieth where kernels are interpreted."""
     return max(least, count // 30) if INTERPRETED else count
+
+
+_programs: list[cl.Program] = []
+
+
+def build(session: Session, source: str, name: str, **defines: int) -> cl.Kernel:
+    """Return kernel *name* of a text of a test's own."""
+    program = cl.Program(session._context, source)
+    program.build(["-cl-std=CL1.2", *(f"-D{key}={value}" for key, value in defines.items())])
+    # Oclgrind confuses a program with one that was freed before.
+    _programs.append(program)
+    return cl.Kernel(program, name)
 
 
 def facets_of(session: Session, mesh: Mesh) -> Facets:

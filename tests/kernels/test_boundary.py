@@ -6,7 +6,6 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
-import pyopencl as cl
 import pytest
 from hypothesis import given
 from numpy.typing import NDArray
@@ -20,6 +19,7 @@ from clvox.reference.boundary import touched
 from clvox.reference.multilevel import pack_bits, pack_bricks
 from tests.kernels.cases import (
     bricks_at,
+    build,
     facets_of,
     flat_triangles,
     large_tetrahedra,
@@ -203,12 +203,6 @@ __kernel void terms(
 """
 
 
-def kernel_of_signs(session: Session, name: str) -> cl.Kernel:
-    program = cl.Program(session._context, read_source("common/exact_sign.h") + SIGNS)
-    program.build(["-cl-std=CL1.2", "-Werror"])
-    return cl.Kernel(program, name)
-
-
 def sign(number: int) -> int:
     return (number > 0) - (number < 0)
 
@@ -230,7 +224,11 @@ def test_sign_is_exact_for_every_estimate_within_its_bound(session: Session) -> 
     words = np.array([number % 2**64 for number in numbers], dtype=np.uint64)
     found = session.empty(len(numbers), np.int64)
     session.run(
-        *(kernel_of_signs(session, "signs"), len(numbers), np.uint64(len(numbers))),
+        *(
+            build(session, read_source("common/exact_sign.h") + SIGNS, "signs"),
+            len(numbers),
+            np.uint64(len(numbers)),
+        ),
         *(session.upload(np.array(estimates)), session.upload(words), found),
     )
     assert np.sign(found.get()).tolist() == [sign(number) for number in numbers]
@@ -256,7 +254,12 @@ def test_plane_terms_keep_the_bound_and_the_sign(session: Session) -> None:
     normals[1], steps[3], normals[5] = -most, -far, (most, -most, 1)
     estimates, found = session.empty(count, np.float32), session.empty(count, np.int64)
     session.run(
-        *(kernel_of_signs(session, "terms"), count, np.uint64(count), session.upload(normals)),
+        *(
+            build(session, read_source("common/exact_sign.h") + SIGNS, "terms"),
+            count,
+            np.uint64(count),
+            session.upload(normals),
+        ),
         *(session.upload(steps.astype(np.int32)), estimates, found),
     )
     true = [

@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-import pyopencl as cl
 import pytest
 from hypothesis import given
 from numpy.typing import NDArray
@@ -18,7 +17,7 @@ from clvox.ops.multilevel import rank_cells
 from clvox.reference import crossings as twin
 from clvox.reference.boundary import touched
 from clvox.reference.multilevel import pack_bits, pack_bricks
-from tests.kernels.cases import facets_of, large_tetrahedra, meshes_for, some, soup
+from tests.kernels.cases import build, facets_of, large_tetrahedra, meshes_for, some, soup
 from tests.strategies import FAMILIES, Mesh, adversarial_meshes, closed_meshes, join
 
 if TYPE_CHECKING:
@@ -206,9 +205,8 @@ def test_slots_along_every_axis_equal_the_twin(
     at = twin.AXES[axis]
     rays_u, rays_v, depth = shape[(at + 1) % 3], shape[(at + 2) % 3], shape[at]
     defines = {"AXIS": at, "STEP_BITS": bits, "SINK": 3, "DIRECT": 1 << 30, "TILE": 1}
-    program = cl.Program(session._context, SLOTS + read_source("crossings/cast_rays.cl"))
-    program.build(["-cl-std=CL1.2", *(f"-D{name}={value}" for name, value in defines.items())])
-    kernel = cl.Kernel(program, "cast_direct")
+    source = SLOTS + read_source("crossings/cast_rays.cl")
+    kernel = build(session, source, "cast_direct", **defines)
     for mesh in meshes_for(18, 60, bits, shape):
         facets = facets_of(session, mesh)
         triangles = np.uint64(len(mesh[1]))

@@ -5,13 +5,13 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-import pyopencl as cl
 import pytest
 from numpy.typing import NDArray
 
 from clvox.device.source import read_source
 from clvox.ops.scan import RUN, prefix_sum
 from clvox.reference import multilevel as twin
+from tests.kernels.cases import build
 
 if TYPE_CHECKING:
     from clvox.device import Session
@@ -77,12 +77,10 @@ def test_the_collective_alone(session: Session, group: int) -> None:
     if group > session.device.handle.max_work_group_size:
         pytest.skip(f"groups have {session.device.handle.max_work_group_size} items at most")
     source = read_source("common/group_scan.h") + COLLECTIVE
-    program = cl.Program(session._context, source).build(
-        ["-cl-std=CL1.2", "-Werror", f"-DGROUP={group}"]
-    )
+    collective = build(session, source, "collective", GROUP=group)
     values = np.random.default_rng(group).integers(0, 2**56, (3, group)).astype(np.uint64)
     sums, totals = session.empty(values.shape, np.uint64), session.empty(values.shape, np.uint64)
-    session.run(program.collective, values.size, session.upload(values), sums, totals, group=group)
+    session.run(collective, values.size, session.upload(values), sums, totals, group=group)
     for row, found, total in zip(values, sums.get(), totals.get(), strict=True):
         expected, whole = twin.prefix_sum(row)
         np.testing.assert_array_equal(found, expected, strict=True)
