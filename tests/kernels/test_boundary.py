@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from clvox.device.source import read_source
 from clvox.grid import Shape
 from clvox.ops.boundary import count_flat, mark_cells, mark_voxels
+from clvox.ops.facets import RUN
 from clvox.ops.layout import cell_shape
 from clvox.ops.multilevel import rank_cells
 from clvox.reference.boundary import touched
@@ -108,9 +109,9 @@ def test_large_triangles_on_a_grid_cut_out_of_them(
             np.testing.assert_array_equal(found, expected, strict=True)
 
 
-@pytest.mark.parametrize("triangles", [0, 1, 63, 64, 65])
+@pytest.mark.parametrize("triangles", [0, 1, RUN - 1, RUN, RUN + 1, 64 * RUN, 64 * RUN + 1])
 def test_any_number_of_triangles(session: Session, triangles: int) -> None:
-    """Work-items come in groups of 64."""
+    """Work-items do RUN each and come in groups of 64."""
     vertices, faces = soup(34, triangles, 8, SMALL)
     mesh = vertices.reshape(-1, 3), faces
     for direct in (0, 64):

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from clvox.device.source import read_source
 from clvox.grid import Axis, Grid, Lattice, Shape
 from clvox.ops.crossings import count_crossings, flip_bricks, flip_dense
+from clvox.ops.facets import RUN
 from clvox.ops.layout import Bricks, Cells, cell_shape, int2, words_for
 from clvox.ops.multilevel import rank_cells
 from clvox.reference import crossings as twin
@@ -193,18 +194,24 @@ static inline void cross(Sink *sink, const int u, const int v, const int slot)
     const int at = clamp(slot, 0, sink->depth);
     atomic_inc(sink->slots + (u * sink->rays_v + v) * (sink->depth + 1) + at);
 }
+
+static inline void finish(Sink *sink) {}
 """
 
 
 @every_axis
-@pytest.mark.parametrize(("bits", "shape"), [(8, SMALL), (7, (5, 6, 4)), (14, (10, 9, 11))])
+@pytest.mark.parametrize(
+    ("bits", "shape", "edge"),
+    [(8, SMALL, 32), (7, (5, 6, 4), 64), (9, (10, 9, 11), 32), (14, (10, 9, 11), 64)],
+)
 def test_slots_along_every_axis_equal_the_twin(
-    session: Session, bits: int, shape: Shape, axis: Axis
+    session: Session, bits: int, shape: Shape, edge: int, axis: Axis
 ) -> None:
     """And so rays along x, y and z give the same voxels."""
     at = twin.AXES[axis]
     rays_u, rays_v, depth = shape[(at + 1) % 3], shape[(at + 2) % 3], shape[at]
     defines = {"AXIS": at, "STEP_BITS": bits, "SINK": 3, "DIRECT": 1 << 30, "TILE": 1}
+    defines |= {"EDGE_BITS": edge, "RUN": 1}
     source = SLOTS + read_source("crossings/cast_rays.cl")
     kernel = build(session, source, "cast_direct", **defines)
     for mesh in meshes_for(18, 60, bits, shape):
@@ -216,7 +223,9 @@ def test_slots_along_every_axis_equal_the_twin(
             *(kernel, int(triangles), np.uint64(0), triangles, int2(rays_u, rays_v)),
             *(facets.faces, facets.vertices, listed, listed, np.int32(depth), slots),
         )
-        assert listed.get()[0] == 0
+        if listed.get()[0]:
+            assert edge == 32  # and some triangle is too large for that
+            continue
         found = slots.get().transpose((1, 0, 2) if axis == "y" else (0, 1, 2))
         expected = np.zeros_like(found)
         for crossing in twin.crossings(*mesh, bits, shape, axis):
@@ -229,9 +238,9 @@ def test_slots_along_every_axis_equal_the_twin(
 
 
 @every_axis
-@pytest.mark.parametrize("triangles", [0, 1, 63, 64, 65, 129])
+@pytest.mark.parametrize("triangles", [0, 1, RUN - 1, RUN, RUN + 1, 64 * RUN, 64 * RUN + 1])
 def test_any_number_of_triangles(session: Session, triangles: int, axis: Axis) -> None:
-    """Work-items come in groups of 64."""
+    """Work-items do RUN each and come in groups of 64."""
     for direct in (0, 256):
         case = Case(8, SMALL, direct, 4)
         vertices, faces = soup(15, triangles, case.bits, case.shape)
