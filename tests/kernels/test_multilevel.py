@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,12 +12,13 @@ from numpy.typing import NDArray
 
 from clvox.grid import Grid, Lattice, Shape
 from clvox.mesh import check
-from clvox.ops.boundary import mark_cells
+from clvox.ops.boundary import mark_cells, mark_voxels
 from clvox.ops.crossings import flip_bricks, flip_dense
 from clvox.ops.dense import fill
 from clvox.ops.layout import Bricks, Cells, VoxelArrays, cell_shape, words_for
-from clvox.ops.multilevel import Solid, carry, rank_cells
-from clvox.ops.query import expand
+from clvox.ops.measure import count_voxels
+from clvox.ops.multilevel import Solid, carry, list_bricks, list_bricks_below, rank_cells
+from clvox.ops.query import expand, expand_cells
 from clvox.reference import multilevel as twin
 from clvox.reference.crossings import fill_parity
 from tests.kernels.cases import facets_of, large_tetrahedra, some, soup
@@ -108,6 +110,23 @@ def box_mesh(low: tuple[float, ...], high: tuple[float, ...], bits: int) -> Mesh
     return np.array(corners), BOX
 
 
+def build_three(
+    session: Session, mesh: Mesh, bits: int, shape: Shape, middle: Shape, brick: Shape
+) -> tuple[VoxelArrays, Solid]:
+    """All stages of a build of three levels on the device."""
+    facets = facets_of(session, mesh)
+    sides = middle[0] * brick[0], middle[1] * brick[1], middle[2] * brick[2]
+    marks = mark_cells(session, facets, bits, shape, sides)
+    cells = rank_cells(session, marks, cell_shape(shape, sides), middle)
+    counts = cell_shape(shape, brick)
+    marks = mark_voxels(session, facets, bits, counts, cells, side=brick)
+    cells = replace(cells, finer=rank_cells(session, marks, counts, brick))
+    bricks = Bricks.cleared(session, cells)
+    flip_bricks(session, facets, bits, cells, bricks)
+    solid = carry(session, cells, bricks, shape)
+    return VoxelArrays(shape, bricks.voxels, cells, solid.inside, solid.middle_inside), solid
+
+
 # Ranks
 
 
@@ -124,6 +143,26 @@ def test_ranks_equal_the_twin(session: Session, shape: Shape) -> None:
     cells = rank_cells(session, session.upload(words), shape, (1, 1, 1))
     np.testing.assert_array_equal(cells.rank.get(), twin.rank(words), strict=True)
     assert cells.count == bits.sum()
+
+
+@pytest.mark.parametrize("shape", [(1, 1, 1), (33, 7, 1), (5, 8, 64), (70, 9, 33)])
+def test_bricks_know_their_cells(session: Session, shape: Shape) -> None:
+    """In the order of the cells, on the coarse grid and in bricks of cells."""
+    nx, ny, nz = shape
+    rng = np.random.default_rng(46)
+    bits = rng.random((nz, ny, nx)) < 0.3
+    cells = rank_cells(session, session.upload(twin.pack_bits(bits)), shape, (3, 5, 2))
+    owners = list_bricks(session, cells)
+    expected = np.argwhere(bits)[:, ::-1].astype(np.int32)
+    np.testing.assert_array_equal(owners.get(), expected, strict=True)
+    below = rng.random((len(expected), 2, 5, 3)) < 0.3
+    words = session.upload(twin.pack_bricks(below))
+    finer = rank_cells(session, words, (3 * nx, 5 * ny, 2 * nz), (1, 1, 1))
+    found = list_bricks_below(session, finer, owners, (3, 5, 2)).get()
+    brick, z, y, x = np.nonzero(below)
+    corners = expected[brick] * np.array([3, 5, 2], np.int32)
+    places = corners + np.stack([x, y, z], axis=1).astype(np.int32)
+    np.testing.assert_array_equal(found, places, strict=True)
 
 
 # Builds
@@ -181,6 +220,45 @@ def test_grid_beside_the_solid(session: Session, bits: int, shape: Shape, brick:
             low[axis], high[axis] = ends
             beside = box_mesh(tuple(low), tuple(high), bits)
             assert not check_build(session, beside, bits, shape, brick).to_array().any()
+
+
+@pytest.mark.parametrize(
+    ("bits", "shape", "middle", "brick"),
+    [
+        (8, (9, 8, 7), (1, 1, 1), (8, 8, 8)),
+        (9, (21, 18, 17), (2, 2, 2), (8, 8, 8)),
+        (7, (13, 12, 9), (2, 3, 2), (3, 1, 2)),
+        (10, (40, 7, 6), (1, 2, 3), (1, 2, 1)),
+        (14, (37, 9, 5), (33, 2, 1), (1, 2, 2)),
+    ],
+)
+def test_three_levels_equal_the_twin(
+    session: Session, bits: int, shape: Shape, middle: Shape, brick: Shape
+) -> None:
+    """The coarse cells are those of two levels with large bricks, the rest that with small ones."""
+    sides = middle[0] * brick[0], middle[1] * brick[1], middle[2] * brick[2]
+    counts = cell_shape(shape, brick)
+    nx, ny, nz = shape
+    solid = box_mesh((-90, -90, -90), (nx + 90, ny + 90, nz + 90), bits)
+    for mesh in [solid, *meshes(47, 20, bits, shape)]:
+        arrays, found = build_three(session, mesh, bits, shape, middle, brick)
+        coarse = twin.build(*mesh, bits, shape, (cell_shape(shape, sides), sides))
+        fine = twin.build(*mesh, bits, shape, (counts, brick))
+        assert (found.disagreements, found.odd_rays) == (0, 0)
+        assert arrays.cells is not None
+        assert arrays.cells.finer is not None
+        assert arrays.cells.finer.count == len(fine.bricks)
+        states = expand_cells(session, arrays, (0, 0, 0), arrays.cells.shape)
+        np.testing.assert_array_equal(states, coarse.states, strict=True)
+        states = expand_cells(session, arrays, (0, 0, 0), counts, 1)
+        np.testing.assert_array_equal(states, fine.states, strict=True)
+        voxels = expand(session, arrays, (0, 0, 0), shape).view(np.bool_)
+        np.testing.assert_array_equal(voxels, fine.to_array(), strict=True)
+        assert count_voxels(session, arrays) == np.count_nonzero(voxels)
+        # No bit beyond the grid or the cells: what is stored is what can be read.
+        marked = np.repeat(fine.boundary, brick[2], 0).repeat(brick[1], 1).repeat(brick[0], 2)
+        stored = np.unpackbits(arrays.voxels.get().view(np.uint8)).sum()
+        assert stored == np.count_nonzero(voxels & marked[:nz, :ny, :nx])
 
 
 @pytest.mark.parametrize("brick", [(8, 8, 8), (3, 5, 2)])
