@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import warnings
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -31,7 +32,10 @@ _programs: list[cl.Program] = []
 def build(session: Session, source: str, name: str, **defines: int) -> cl.Kernel:
     """Return kernel *name* of a text of a test's own."""
     program = cl.Program(session._context, source)
-    program.build(["-cl-std=CL1.2", *(f"-D{key}={value}" for key, value in defines.items())])
+    with warnings.catch_warnings():
+        # Some compilers say that they are done.
+        warnings.simplefilter("ignore", cl.CompilerWarning)
+        program.build(["-cl-std=CL1.2", *(f"-D{key}={value}" for key, value in defines.items())])
     # Oclgrind confuses a program with one that was freed before.
     _programs.append(program)
     return cl.Kernel(program, name)
