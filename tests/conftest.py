@@ -46,7 +46,8 @@ class ExactAllocator:
     """Stands in for a session's memory pool while Oclgrind watches.
 
     A pool gives out more memory than was asked for, and gives it out again, written: accesses
-    beyond the end of an array and reads of what nobody wrote would go unseen.
+    beyond the end of an array and reads of what nobody wrote would go unseen.  Nor is memory freed:
+    Oclgrind takes what is written to an address that was in use before for uninitialised.
     """
 
     active_bytes = active_blocks = held_blocks = 0
@@ -55,10 +56,12 @@ class ExactAllocator:
         from pyopencl.tools import ImmediateAllocator
 
         self._allocate = ImmediateAllocator(queue)
+        self._kept: list[Any] = []
 
     def __call__(self, size: int) -> Any:
         """Return a new buffer of exactly *size* bytes."""
-        return self._allocate(size)
+        self._kept.append(self._allocate(size))
+        return self._kept[-1]
 
     def free_held(self) -> None:
         """Nothing is held."""
