@@ -13,10 +13,13 @@ from numpy.typing import NDArray
 
 from clvox.errors import FormatError
 
-FLOOR = 64 * 2**20
-RATIO = 100
-"""What a file expands to, unpacked or by drawing one body many times, may reach the floor, and
-beyond it this ratio to its own length."""
+UNPACKED_FLOOR = 2**24
+UNPACKED_RATIO = 50
+"""Compressed data may expand to the floor, and beyond it by this ratio to the file's length."""
+
+PLACED_FLOOR = 2**26
+PLACED_RATIO = 100
+"""The same for bodies that a file draws many times, in bytes of their arrays."""
 
 CHUNK = 2**22
 """Bytes that are worked on at a time: split into words they take many times their length."""
@@ -84,31 +87,31 @@ def joined(bodies: Sequence[Body], units: str) -> Contents:
 
 @dataclass
 class Budget:
-    """How many bytes a file may still expand to."""
+    """The bytes that the bodies of a file may take."""
 
     length: int
     spent: int = 0
 
     def spend(self, nbytes: int) -> None:
-        """Refuse the file if its expansions come to more than it may."""
+        """Refuse a file whose bodies take more than they may."""
         self.spent += nbytes
-        limit = allowance(self.length)
+        limit = PLACED_FLOOR + PLACED_RATIO * self.length
         if self.spent > limit:
             raise FormatError(
-                f"{self.length} bytes expand to more than {limit}, by bodies that are repeated or "
-                "by compression. If this file is sound, convert it first."
+                f"the bodies of this file of {self.length} bytes take more than {limit}, because "
+                "they are repeated. If it is sound, convert it first."
             )
 
 
-def allowance(length: int) -> int:
-    """Return what a file of *length* bytes may expand to."""
-    return FLOOR + RATIO * length
+def unpacked_limit(length: int) -> int:
+    """Return the bytes that a compressed file of *length* bytes may expand to."""
+    return UNPACKED_FLOOR + UNPACKED_RATIO * length
 
 
 def unpacked(path: Path) -> bytes:
     """Return what a gzip file holds."""
     length = path.stat().st_size
-    limit = allowance(length)
+    limit = unpacked_limit(length)
     parts = []
     total = 0
     try:

@@ -8,6 +8,7 @@ from array import array
 from collections.abc import Iterator
 
 import numpy as np
+from numpy.typing import NDArray
 
 from clvox.errors import FormatError
 from clvox.formats.common import Contents, Numbers, fans, shown
@@ -73,7 +74,9 @@ def _lengths(keyword: re.Match[bytes]) -> list[int]:
     return [least + 3, least + 4] if colour else [least]
 
 
-def _fans(lines: Iterator[tuple[int, list[bytes]]], polygons: int, points: int) -> np.ndarray:
+def _fans(
+    lines: Iterator[tuple[int, list[bytes]]], polygons: int, points: int
+) -> NDArray[np.int64]:
     counts, corners = array("q"), array("q")
     for index in range(polygons):
         number, words = _next(lines, f"face {index} of {polygons}")
@@ -88,15 +91,16 @@ def _fans(lines: Iterator[tuple[int, list[bytes]]], polygons: int, points: int) 
                 f"line {number}: face {index} is cut short: {len(words) - 1} of {count} vertices"
             )
         # A colour may follow.
-        for word in words[1 : count + 1]:
-            if not _COUNT.fullmatch(word) or int(word) >= points:
-                raise FormatError(
-                    f"line {number}: face {index} uses vertex {shown(word)}; the file holds "
-                    f"{points}, from 0 on"
-                )
-            corners.append(int(word))
+        found = words[1 : count + 1]
+        if not b"".join(found).isdigit() or max(map(len, found)) > 18:
+            bad = next(word for word in found if not _COUNT.fullmatch(word))
+            raise FormatError(f"line {number}: {shown(bad)} is no vertex of a face")
+        corners.extend(map(int, found))
         counts.append(count)
-    return fans(np.array(corners, dtype=np.int64), np.array(counts, dtype=np.int64))
+    flat = np.array(corners, dtype=np.int64)
+    if flat.max() >= points:
+        raise FormatError(f"a face uses vertex {flat.max()}; the file holds {points}, from 0 on")
+    return fans(flat, np.array(counts, dtype=np.int64))
 
 
 def _lines(data: bytes) -> Iterator[tuple[int, list[bytes]]]:

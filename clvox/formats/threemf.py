@@ -23,7 +23,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clvox.errors import FormatError
-from clvox.formats.common import Body, Budget, Contents, Numbers, floats, joined, moved, shown
+from clvox.formats.common import (
+    Body,
+    Budget,
+    Contents,
+    Numbers,
+    floats,
+    joined,
+    moved,
+    shown,
+    unpacked_limit,
+)
 
 _CORE = "http://schemas.microsoft.com/3dmanufacturing/core/2015/02"
 _PRODUCTION = "http://schemas.microsoft.com/3dmanufacturing/production/2015/06"
@@ -65,11 +75,6 @@ _PARTS = 2**14
 
 _DEPTH = 64
 """Most levels of XML elements, and of objects within objects."""
-
-_TEXT_FLOOR = 2**25
-_TEXT_RATIO = 50
-"""The parts that are read may come to so many bytes, and beyond that to so many times the length
-of the file."""
 
 _READ = 2**20
 _TAG = 2**22
@@ -123,7 +128,7 @@ class _Package:
         if data.count(b"PK\1\2") > _PARTS:
             raise FormatError(f"the archive has more than {_PARTS} entries")
         self.budget = Budget(len(data))
-        self.text = _TEXT_FLOOR + _TEXT_RATIO * len(data)
+        self.left = unpacked_limit(len(data))
         try:
             self.archive = zipfile.ZipFile(io.BytesIO(data))
         except _DAMAGES as error:
@@ -164,8 +169,9 @@ class _Package:
             raise FormatError(f"the part {shown(part)} is encrypted")
         if entry.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
             raise FormatError(f"the part {shown(part)} is compressed by a method 3MF does not know")
-        self.text -= entry.file_size
-        if self.text < 0:
+        # zipfile reads no more than the entry says, and its sum would not agree then.
+        self.left -= entry.file_size
+        if self.left < 0:
             raise FormatError(
                 f"the part {shown(part)} expands to {entry.file_size} bytes, many times the length "
                 "of the file; meshes never do"
@@ -198,8 +204,6 @@ class _Package:
                 _feed(parser, stream, part)
         except FormatError:
             raise
-        except (expat.ExpatError, LookupError) as error:
-            raise FormatError(f"{part} is no sound XML: {error}") from None
         except _DAMAGES as error:
             raise FormatError(f"the archive is damaged at {part}: {error}") from None
 
@@ -220,12 +224,22 @@ _DAMAGES = (
 def _feed(parser: expat.XMLParserType, stream: IO[bytes], part: str) -> None:
     given = 0
     while piece := stream.read(_READ):
-        parser.Parse(piece)
+        _parse(parser, piece, part, last=False)
         given += len(piece)
         # A tag that does not end is gone through anew with each piece.
         if given - parser.CurrentByteIndex > _TAG:
             raise FormatError(f"{part} has a tag of more than {_TAG} bytes")
-    parser.Parse(b"", True)  # noqa: FBT003
+    _parse(parser, b"", part, last=True)
+
+
+def _parse(parser: expat.XMLParserType, piece: bytes, part: str, *, last: bool) -> None:
+    try:
+        parser.Parse(piece, last)
+    except FormatError:
+        raise
+    except (expat.ExpatError, LookupError, ValueError) as error:
+        # The latter two for an encoding that Python does not know, or not byte by byte.
+        raise FormatError(f"{part} is no sound XML: {error}") from None
 
 
 def _part_name(name: str) -> str:
@@ -349,7 +363,7 @@ class _Reader:
     def _required(self, attributes: Attributes, name: str, tag: str) -> str:
         found = attributes.get(name)
         if found is None:
-            raise FormatError(f"a {tag} in {self.part} has no {name}")
+            raise FormatError(f"an element {tag} in {self.part} has no {name}")
         return found
 
 

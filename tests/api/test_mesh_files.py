@@ -298,12 +298,12 @@ def test_damaged_gzip_is_refused(tmp_path: Path) -> None:
 
 
 def test_gzip_bomb_stops_early(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(common, "FLOOR", 2**20)
+    monkeypatch.setattr(common, "UNPACKED_FLOOR", 2**20)
     path = tmp_path / "a.stl.gz"
     path.write_bytes(gzip.compress(bytes(2**26)))
     tracemalloc.start()
     try:
-        with pytest.raises(FormatError, match=r"65\d\d\d bytes expand to more than 7\d{6}; "):
+        with pytest.raises(FormatError, match=r"65\d\d\d bytes expand to more than 4\d{6}; "):
             load(path)
         assert tracemalloc.get_traced_memory()[1] < 2**25
     finally:
