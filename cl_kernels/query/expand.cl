@@ -26,20 +26,24 @@ __kernel void expand(
         row[i] = (uchar)read_voxel(MODEL_ARGUMENTS, first.x + i, first.y + y, first.z + z);
 }
 
-#if LEVELS == 2
+#if LEVELS > 1
 
-/* One work-item tells the state of one coarse cell: 0 outside, 1 inside, 2 boundary.
+/* One work-item tells the state of one cell: 0 outside, 1 inside, 2 with a brick.
+ * first: lowest cell of the box (x, y, z); size: its sides.
+ * middle_level: 0 for cells of the coarse grid, 1 for those between it and the voxels.
  * out: (size.z, size.y, size.x) uint8. */
 __kernel void expand_cells(
-    const int4 first, const int4 size, MODEL_PARAMETERS, __global uchar *restrict out)
+    const int4 first, const int4 size, const int middle_level, MODEL_PARAMETERS,
+    __global uchar *restrict out)
 {
     const ulong id = get_global_id(0);
     if (id >= (ulong)size.x * size.y * size.z) return;
     const int x = first.x + (int)(id % size.x);
     const int y = first.y + (int)(id / size.x % size.y);
     const int z = first.z + (int)(id / size.x / size.y);
-    const ulong word = cell_word(cells, x, y, z);
-    out[id] = (uchar)(boundary[word] >> (x % 32) & 1 ? 2 : inside[word] >> (x % 32) & 1);
+    const ulong state = middle_level ? cell_state(MODEL_ARGUMENTS, x, y, z)
+                                     : coarse_state(MODEL_ARGUMENTS, x, y, z);
+    out[id] = state < CELL_OUTSIDE ? 2 : state == CELL_INSIDE;
 }
 
 #endif

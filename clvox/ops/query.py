@@ -70,9 +70,9 @@ def expand(
 
 
 def expand_cells(
-    session: Session, arrays: VoxelArrays, start: Shape, stop: Shape
+    session: Session, arrays: VoxelArrays, start: Shape, stop: Shape, level: int = 0
 ) -> NDArray[np.uint8]:
-    """Return the state of the coarse cells from *start* to before *stop*; [z, y, x] uint8.
+    """Return the state of the cells of *level* from *start* to before *stop*; [z, y, x] uint8.
 
     0 is outside, 1 inside, 2 boundary.
     """
@@ -81,5 +81,6 @@ def expand_cells(
     if out.size == 0:
         return out.get()
     kernel = session.kernel("query/expand.cl", "expand_cells", RULE=0, RUN=RUN, **arrays.defines)
-    session.run(kernel, x * y * z, int4(start), int4((x, y, z)), *arrays.arguments(), out)
+    box = int4(start), int4((x, y, z)), np.int32(level)
+    session.run(kernel, x * y * z, *box, *arrays.arguments(), out)
     return out.get()
