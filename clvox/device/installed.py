@@ -5,17 +5,13 @@ from __future__ import annotations
 import ctypes
 import os
 import sys
-from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
 import pyopencl as cl
 
-from clvox.device.choice import devices
-from clvox.errors import DeviceError
+from clvox.device import _drivers
 
-_LIST = Path("/etc/OpenCL/vendors")
-_VARIABLES = "OCL_ICD_VENDORS", "OPENCL_VENDOR_PATH"
 _ENTRY = "clGetExtensionFunctionAddress"
 """What a loader asks every driver for."""
 
@@ -64,8 +60,8 @@ def drivers() -> list[Driver]:
     """
     if not sys.platform.startswith("linux"):
         return []
-    named = next(filter(None, map(os.environ.get, _VARIABLES)), None)
-    folder = _LIST if named is None else Path(named)
+    named = next(filter(None, map(os.environ.get, _drivers.CHOSEN_BY_USER)), None)
+    folder = _drivers.LIST if named is None else Path(named)
     files = [folder] if folder.suffix == ".icd" else sorted(folder.glob("*.icd"))
     return [_driver(file) for file in files]
 
@@ -89,17 +85,9 @@ def _driver(file: Path) -> Driver:
 
 def platforms() -> list[Platform]:
     """Return the drivers that answer, those without a device too."""
-    with suppress(DeviceError):
-        # The first call of all is left to it, since the loader reads its list only once.
-        devices()
-    try:
-        answering = cl.get_platforms()
-    except cl.Error:
-        # A loader without any driver says so by an error.
-        return []
     return [
-        Platform(driver.name.strip(), driver.vendor.strip(), driver.version.strip(), _count(driver))
-        for driver in answering
+        Platform(one.name.strip(), one.vendor.strip(), one.version.strip(), _count(one))
+        for one in _drivers.platforms()
     ]
 
 

@@ -118,8 +118,9 @@ def test_garbled_file_is_read_or_refused(tmp_path: Path, name: str) -> None:
 def test_garbled_part_of_a_sound_archive_is_read_or_refused(tmp_path: Path, name: str) -> None:
     """Flipped bytes of an archive end at its checksums: the XML has to be garbled before."""
     rng = np.random.default_rng(7)
-    parts = {"_rels/.rels": mesh_files.relationships("3D/3dmodel.model").encode(),
-             "3D/3dmodel.model": MODEL}  # fmt: skip
+    words = "<!--" + " something that does not matter" * 9 + "-->"
+    links = mesh_files.relationships("3D/3dmodel.model") + words
+    parts = {"_rels/.rels": links.encode(), "3D/3dmodel.model": MODEL}
     path = tmp_path / "a.3mf"
     assert load_or_refuse(path, mesh_files.archive({**parts}))
     outcomes = [
