@@ -112,7 +112,8 @@ class Session:
         if rest:
             raise TypeError(f"{array.nbytes} bytes are not whole words")
         if words:
-            self.run(self.kernel("buffers/clear.cl", "clear"), words, np.uint64(words), array)
+            kernel = self.kernel("buffers/clear.cl", "clear")
+            self.run(kernel, -(-words // 4), np.uint64(words), array)
         return array
 
     def upload(self, host: NDArray[Any]) -> cla.Array:

@@ -327,8 +327,12 @@ class VoxelModel:
             return query.expand_cells(
                 self._session, self._arrays, _triple(low), _triple(np.maximum(low, high)), level
             )
-        slabs = [slab for _, slab in self._slabs(_rule(rule), start, stop)]
-        return slabs[0] if len(slabs) == 1 else np.concatenate(slabs)
+        array = np.empty(
+            [last - first for first, last in zip(start, stop, strict=True)][::-1], bool
+        )
+        for _ in self._slabs(_rule(rule), start, stop, into=array):
+            pass
+        return array
 
     def coordinates(self, *, rule: RuleName = "centre") -> NDArray[np.int32]:
         """Return the voxels (i, j, k) that *rule* takes (see `to_array`), ordered by k, j, i.
@@ -428,15 +432,27 @@ class VoxelModel:
         return VoxelModel(session, self.grid, arrays, self.report, self._surfaces)
 
     def _slabs(
-        self, rule: Rule, start: Shape = (0, 0, 0), stop: Shape | None = None
+        self,
+        rule: Rule,
+        start: Shape = (0, 0, 0),
+        stop: Shape | None = None,
+        into: NDArray[np.bool_] | None = None,
     ) -> Iterator[tuple[int, NDArray[np.bool_]]]:
-        """Voxels from *start* to before *stop*, by layers along z: first k, and [z, y, x]."""
+        """Voxels from *start* to before *stop*, by layers along z: first k, and [z, y, x].
+
+        The layers are parts of *into*, if it is given.
+        """
         (x0, y0, z0), (x1, y1, z1) = start, stop or self.grid.shape
         edge = None if rule == Rule.CENTRE else self._edge
         thick = max(1, SLAB_BYTES // max(1, (x1 - x0) * (y1 - y0)))
         for k in range(z0, max(z1, z0 + 1), thick):
-            box = (x0, y0, k), (x1, y1, min(k + thick, z1))
-            yield k, query.expand(self._session, self._arrays, *box, rule, edge).view(np.bool_)
+            above = min(k + thick, z1)
+            slab = None if into is None else into[k - z0 : above - z0].view(np.uint8)
+            box = (x0, y0, k), (x1, y1, above)
+            yield (
+                k,
+                query.expand(self._session, self._arrays, *box, rule, edge, slab).view(np.bool_),
+            )
 
     def _box(self, bounds: ArrayLike | None) -> tuple[Shape, Shape]:
         if bounds is None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import subprocess
 import sys
@@ -11,6 +12,7 @@ import numpy as np
 import pytest
 
 from clvox import doctor
+from clvox.cli import main
 from clvox.device import DRIVER_ERRORS, Device, Session, source
 from clvox.device import session as sessions
 from clvox.device.installed import drivers
@@ -233,3 +235,29 @@ def test_the_tetrahedron_is_the_twins() -> None:
         right = fill_parity(np.array(vertices) * 128, faces, 7, doctor.GRID.shape, axis)
         assert right.sum() == doctor.TETRAHEDRON_COUNT
         assert doctor.digest_of(right) == doctor.TETRAHEDRON_DIGEST
+
+
+# --- the command --------------------------------------------------------------------------------
+
+
+def test_the_command_tells_what_examine_finds(
+    only: Device, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    findings = [finding for finding in doctor.examine() if finding.topic != "driver"]
+    monkeypatch.setattr(doctor, "examining", lambda: iter(findings))
+    assert main(["doctor"]) == 0
+    said = capsys.readouterr().out
+    assert f"{only}: {ATOMICS}: right" in said
+    assert main(["doctor", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["findings"] == [vars(one) for one in findings]
+    findings.append(Finding("test", str(only), failed=True, text="wrong"))
+    assert main(["doctor"]) == 1
+    assert f"{only}: FAILED: wrong" in capsys.readouterr().out
+
+
+@LINUX
+def test_the_command_without_a_driver(tmp_path: Path) -> None:
+    code = "import sys; from clvox.cli import main; sys.exit(main(['doctor']))"
+    status, lines = run(WITHOUT_POCL + code, tmp_path)
+    assert status == 3
+    assert any("no OpenCL device was found" in line for line in lines)
