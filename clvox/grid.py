@@ -257,7 +257,7 @@ class Lattice:
         steps = np.empty(where.shape, dtype=np.int32)
 
         def part(start: int, stop: int) -> None:
-            # In this order of operations: see docs/algorithms: the order is part of what is promised.
+            # In this order of operations, which is part of what docs/algorithms promises.
             buffer = where[start:stop] - self.grid.origin
             buffer /= self.grid.spacing
             buffer -= 0.5

@@ -7,7 +7,7 @@
  * Host:       clvox/ops/raymarch.py, march_surface()
  * Reference:  clvox/reference/raymarch.py, first_voxels()
  * Tests:      tests/kernels/test_raymarch.py
- * Defines:    LEVELS, RULE, BRICK_X, BRICK_Y, BRICK_Z  (common/model.h)
+ * Defines:    LEVELS, RULE, BRICK_*, MIDDLE_*  (common/model.h)
  * Source:     after Amanatides and Woo, "A fast voxel traversal algorithm for ray tracing",
  *             Eurographics 1987.
  */
@@ -21,10 +21,11 @@
 #endif
 
 /* One work-item follows one ray.
- * size: rays along a row and a column; shape: voxels of the grid.
+ * size: rays along a row and a column; shape: voxels of the grid; columns: cells of voxels along
+ * each axis, the voxels themselves in a dense grid.
  * hits: (size.y, size.x, 3) int32, the voxel (i, j, k); (-1, -1, -1) where there is none. */
 __kernel void march_surface(
-    const int2 size, const int4 shape, RAY_PARAMETERS, MODEL_PARAMETERS,
+    const int2 size, const int4 shape, const int4 columns, RAY_PARAMETERS, MODEL_PARAMETERS,
     __global int *restrict hits)
 {
     const ulong id = get_global_id(0);
@@ -38,7 +39,7 @@ __kernel void march_surface(
     /* Masks as vectors choose by: -1 for true, in both widths. */
     const long3 moving = direction.xyz != 0, mirrored = direction.xyz < 0;
     const int3 moves = convert_int3(moving), turned = convert_int3(mirrored);
-    const int3 padded = cells.xyz * CELL;
+    const int3 padded = columns.xyz * CELL;
     const long one = 1L << bits;
     place = mirrored ? convert_long3(padded) * one - place : place;
     /* Where the grid lies in the padded one, after mirroring. */
@@ -63,23 +64,22 @@ __kernel void march_surface(
         begin, moving ? zero + convert_long3(begin + 1) * stride : (long3)LONG_MAX);
     while (is_before(t, axis, end, last)) {
         const int3 met = (int3)(cell.x, cell.y, cell.z);
-        const int3 at = turned ? cells.xyz - 1 - met : met;
+        const int3 at = turned ? columns.xyz - 1 - met : met;
 #if LEVELS == 1
         if (read_voxel(MODEL_ARGUMENTS, at.x, at.y, at.z)) {
             vstore3(at, id, hits);
             return;
         }
 #else
-        const ulong word = cell_word(cells, at.x, at.y, at.z);
-        const uint bit = at.x % 32;
-        const bool mixed = boundary[word] >> bit & 1;
-        if (mixed || (inside[word] >> bit & 1)) {
+        const ulong state = cell_state(MODEL_ARGUMENTS, at.x, at.y, at.z);
+        const bool mixed = state < CELL_OUTSIDE;
+        if (state != CELL_OUTSIDE) {
             const long3 since = zero + convert_long3(met) * stride;
             const int3 first = moves ? planes_met(since, step, t, axis)
                                      : standing - met * CELL;
             voxel = begin_walk(
                 first, moving ? since + convert_long3(first + 1) * step : (long3)LONG_MAX);
-            const ulong base = mixed ? (ulong)rank_of(boundary, rank, word, bit) * BRICK_WORDS : 0;
+            const ulong base = mixed ? state * BRICK_WORDS : 0;
             while (voxel.x < BRICK_X && voxel.y < BRICK_Y && voxel.z < BRICK_Z) {
                 const int3 here = (int3)(voxel.x, voxel.y, voxel.z);
                 const int3 in = turned ? CELL - 1 - here : here;

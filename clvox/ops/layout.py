@@ -143,6 +143,11 @@ class VoxelArrays:
         return (self.shape,) if self.cells is None else self.cells.levels
 
     @property
+    def columns(self) -> Shape:
+        """Cells of voxels along each axis; the voxels themselves in a dense grid."""
+        return self.shape if self.cells is None else self.cells.last.shape
+
+    @property
     def nbytes(self) -> int:
         """Bytes on the device."""
         arrays = [argument for argument in self.arguments() if isinstance(argument, cla.Array)]

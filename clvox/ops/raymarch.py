@@ -52,7 +52,7 @@ def march_surface(
     session.run(
         kernel,
         columns * rows,
-        *(int2(columns, rows), int4(arrays.shape), *_ray_arguments(rays)),
+        *(int2(columns, rows), int4(arrays.shape), int4(arrays.columns), *_ray_arguments(rays)),
         *(*arrays.arguments(), hits),
     )
     return hits

@@ -101,7 +101,8 @@ def _box(model: VoxelModel) -> NDArray[np.float64]:
         (found,) = np.nonzero(occupied.any(axis=others))
         low.append(found[0])
         high.append(found[-1] + 1)
-    box: NDArray[np.float64] = np.minimum(np.array([low, high]) * model.levels[1], shape)
+    cell = np.prod(model.levels[1:], axis=0)
+    box: NDArray[np.float64] = np.minimum(np.array([low, high]) * cell, shape)
     return box
 
 
