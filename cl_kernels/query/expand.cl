@@ -25,7 +25,7 @@ static inline void spread(
 #elif RULE == WITHIN
         vstore8(in & ~edge, 0, out);
 #else
-        vstore8(edge ? (uchar8)2 : in, 0, out);
+        vstore8(edge != (uchar8)0 ? (uchar8)2 : in, 0, out);
 #endif
 #endif
         return;
