@@ -3,7 +3,8 @@
  *
  * Included twice, with EDGE = int for triangles whose edge functions fit 32 bits and with
  * EDGE = long for all others; the answers are the same.  Before the first inclusion a sink is
- * defined: a type Sink and a function cross(Sink *, int u, int v, int slot).
+ * defined: a type Sink and a function cross(Sink *, int u, int v, int slot), or for the sink EMIT
+ * emit(Sink *, int u, int v, int depth).
  *
  * Rays are STEP apart, so an edge function W changes by whole multiples of STEP from ray to ray:
  * E = (W - t) >> STEP_BITS is stepped, with t = 0 if the edge owns its rays and 1 if not, and
@@ -14,6 +15,10 @@
  * (Z + 1) voxels of the truth, Z being the triangle's extent in depth; `doubt` is larger than
  * that.  Where it leaves the side of the nearest centre open, the sign of the exact residual
  * decides: |residual| <= area * STEP <= 2^62, so arithmetic modulo 2^64 keeps its sign.
+ *
+ * The depth, rounded up, is the slot that the crossing had if centres were 2^-FRACTION_BITS voxels
+ * apart: the residual gives one digit more, within 2^-5 of the truth in float32, and what is left
+ * then is again at most area * STEP.
  *
  * Defines:    EDGE, RASTERISE  type of the edge functions and name of the function
  */
@@ -57,6 +62,9 @@ static void RASTERISE(Sink *sink, const Facet f, const int4 box)
     const float doubt
         = ((float)max(abs(d0), abs(d1)) / (float)STEP + 1.0f) * (1.0f / (float)(1 << 19));
     const long tie = tie_bit(f);
+#if SINK == EMIT
+    const float digit_scale = scale * (float)(1 << FRACTION_BITS);
+#endif
 
     for (int u = box.x; u <= box.z; ++u) {
         EDGE ea = row_a;
@@ -66,18 +74,27 @@ static void RASTERISE(Sink *sink, const Facet f, const int4 box)
             if ((ea | eb | ec) >= 0) {
                 const float estimate = (float)ea * slope_a + (float)eb * slope_b + base;
                 const float nearest = rint(estimate);
-                const float beyond = estimate - nearest;
                 const int m = (int)nearest;
+#if SINK == EMIT
+                const ulong residual = residual_of(
+                    (long)ea * STEP + rest_a, (long)eb * STEP + rest_b, d0, d1, f.area,
+                    base_rest - (long)m * STEP);
+                const int digit = (int)rint((float)(long)residual * digit_scale);
+                const long left = (long)((residual << FRACTION_BITS)
+                                         - (ulong)(long)digit * ((ulong)f.area << STEP_BITS));
+                const uint whole = (uint)(base_slot + m) << FRACTION_BITS;
+                emit(sink, u, v, (int)(whole + (uint)digit + (left > -tie)));
+#else
+                const float beyond = estimate - nearest;
                 bool after = beyond > 0.0f;
                 if (fabs(beyond) <= doubt) {
-                    const ulong weight_a = ((ulong)(long)ea << STEP_BITS) + (ulong)rest_a;
-                    const ulong weight_b = ((ulong)(long)eb << STEP_BITS) + (ulong)rest_b;
-                    const ulong residual = weight_a * (ulong)(long)d0
-                                         + weight_b * (ulong)(long)d1
-                                         + (ulong)f.area * (ulong)((long)base_rest - (long)m * STEP);
+                    const ulong residual = residual_of(
+                        (long)ea * STEP + rest_a, (long)eb * STEP + rest_b, d0, d1, f.area,
+                        base_rest - (long)m * STEP);
                     after = (long)residual > -tie;
                 }
                 cross(sink, u, v, base_slot + m + after);
+#endif
             }
             ea += bc.x;
             eb += ca.x;

@@ -25,11 +25,6 @@ def int4(triple: Shape) -> np.generic:
     return cast("np.generic", np.array((*triple, 0), cltypes.int4)[()])
 
 
-def int2(first: int, second: int) -> np.generic:
-    """A kernel's argument for two integers."""
-    return cast("np.generic", np.array((first, second), cltypes.int2)[()])
-
-
 @dataclass(frozen=True)
 class Cells:
     """The coarse grid: which of its cells are touched, and the rank that numbers their bricks.
@@ -43,6 +38,12 @@ class Cells:
     boundary: cla.Array
     rank: cla.Array
     count: int
+
+    @property
+    def padded(self) -> Shape:
+        """Voxels along each axis, those of the padding included."""
+        x, y, z = (count * side for count, side in zip(self.shape, self.brick, strict=True))
+        return x, y, z
 
     @property
     def shape4(self) -> np.generic:
