@@ -55,10 +55,14 @@ class ExactAllocator:
         from pyopencl.tools import ImmediateAllocator
 
         self._allocate = ImmediateAllocator(queue)
+        # Oclgrind gives the address of a freed buffer to the next one, but not its size: what lies
+        # beyond the old end would count as never written.
+        self._kept: list[Any] = []
 
     def __call__(self, size: int) -> Any:
         """Return a new buffer of exactly *size* bytes."""
-        return self._allocate(size)
+        self._kept.append(self._allocate(size))
+        return self._kept[-1]
 
     def free_held(self) -> None:
         """Nothing is held."""

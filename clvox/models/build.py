@@ -303,9 +303,7 @@ def _build_dense(
         if winding is None:
             crossings.flip_dense(session, facets, lattice.bits, shape, *target, progress=part)
         else:
-            fills.flip_dense(
-                session, facets, lattice.bits, shape, winding, *target, progress=part
-            )
+            fills.flip_dense(session, facets, lattice.bits, shape, winding, *target, progress=part)
     with stages.stage("carry"):
         odd_rays = dense.fill(session, voxels, beyond)
     return VoxelArrays(shape, voxels), odd_rays, 0

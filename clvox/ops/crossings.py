@@ -150,7 +150,7 @@ def flip_dense(
     voxels: (nz, ny, words) uint32, rows of bits.
     beyond: (nz, words) uint32, flipped for crossings past the last sample.
     """
-    nx, ny, nz = shape
+    nx, ny, _ = shape
     defines = {"AXIS": 1, "STEP_BITS": bits, "SINK": _DENSE, "DIRECT": direct, "TILE": tile}
     sink = np.int32(ny), np.int32(words_for(nx)), voxels, beyond
     window = Window.whole(shape, 1)

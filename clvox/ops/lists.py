@@ -140,9 +140,7 @@ def sort_crossings(
     return Rows(window, offsets, rows)
 
 
-def sort_rows(
-    session: Session, offsets: cla.Array, rows: cla.Array, *, short: int = SHORT
-) -> None:
+def sort_rows(session: Session, offsets: cla.Array, rows: cla.Array, *, short: int = SHORT) -> None:
     """Sort each row of *rows*, int64, in place; offsets: (rows + 1,) uint64."""
     rays = offsets.size - 1
     room = max(1, min(rays, rows.size // (short + 1)))

@@ -1,0 +1,159 @@
+"""What is inside where bodies overlap, lie within one another, or are open: `fill=`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+
+import clvox
+from clvox.models.build import Fill
+
+LEVELS = {"dense": 1, "bricks": None}
+
+every_level = pytest.mark.parametrize("dense", [False, True], ids=["bricks", "dense"])
+
+
+def ball(radius: float, *center: float) -> trimesh.Trimesh:
+    made = trimesh.creation.icosphere(subdivisions=3, radius=radius)
+    made.apply_translation(center)
+    return made
+
+
+def box(low: tuple[float, ...], high: tuple[float, ...]) -> trimesh.Trimesh:
+    return trimesh.creation.box(bounds=[low, high])
+
+
+GRID = clvox.Grid((-2.1, -1.7, -1.6), 0.13, (45, 29, 27))
+PAIRS = {
+    "balls": (ball(1.0, 0, 0, 0), ball(1.1, 0.9, 0.2, 0.1)),
+    "boxes": (box((0, 0, 0), (1, 1, 1)), box((0.5, -0.5, 0.25), (2.5, 0.5, 1.5))),
+    "nested": (ball(1.5, 0, 0, 0), box((-0.5, -0.5, -0.5), (0.5, 0.5, 0.5))),
+    "apart": (ball(0.7, -1, 0, 0), ball(0.8, 2, 0, 0)),
+    "side by side": (box((0, 0, 0), (1, 1, 1)), box((1, 0, 0), (2, 1, 1))),
+    "beyond the grid": (ball(2.5, 0, 0, 0), ball(1.0, 2.8, 0, 0)),
+}
+
+
+def voxelize(mesh: trimesh.Trimesh, fill: Fill, *, dense: bool) -> clvox.VoxelModel:
+    levels = [GRID.shape] if dense else None
+    # One lattice, so that models may be combined.
+    return clvox.voxelize(mesh, grid=GRID, levels=levels, fill=fill, lattice_bits=10)
+
+
+@every_level
+@pytest.mark.parametrize("pair", PAIRS)
+def test_overlapping_bodies_are_united(pair: str, *, dense: bool) -> None:
+    one, other = PAIRS[pair]
+    for both in (one + other, other + one):
+        first, second = (voxelize(mesh, "parity", dense=dense) for mesh in (one, other))
+        assert voxelize(both, "nonzero", dense=dense) == first | second
+        assert voxelize(both, "positive", dense=dense) == first | second
+        assert voxelize(both, "parity", dense=dense) == first ^ second
+
+
+@every_level
+def test_a_body_turned_inwards_is_a_void(*, dense: bool) -> None:
+    outer, inner = PAIRS["nested"]
+    void = inner.copy()
+    void.invert()
+    hollow = outer + void
+    expected = voxelize(outer, "parity", dense=dense) - voxelize(inner, "parity", dense=dense)
+    for fill in ("parity", "nonzero", "positive"):
+        assert voxelize(hollow, fill, dense=dense) == expected
+
+
+@every_level
+def test_one_body_is_the_same_by_every_rule(*, dense: bool) -> None:
+    mesh = PAIRS["balls"][0]
+    models = [voxelize(mesh, fill, dense=dense) for fill in ("parity", "nonzero", "positive")]
+    assert models[0] == models[1] == models[2]
+    assert [model.report.fill for model in models] == ["parity", "nonzero", "positive"]
+
+
+def test_a_mesh_inside_out_is_solid_by_nonzero_and_nothing_by_positive() -> None:
+    mesh = PAIRS["balls"][0].copy()
+    mesh.invert()
+    turned = voxelize(mesh, "nonzero", dense=False)
+    assert turned == voxelize(PAIRS["balls"][0], "parity", dense=False)
+    nothing = voxelize(mesh, "positive", dense=False)
+    assert nothing.count == 0
+    assert any("inside out" in warning for warning in nothing.report.warnings)
+
+
+@every_level
+def test_surface_takes_the_touched_voxels_of_any_mesh(*, dense: bool) -> None:
+    closed = PAIRS["balls"][0]
+    parity = voxelize(closed, "parity", dense=dense)
+    shell = voxelize(closed, "surface", dense=dense)
+    touched = parity.to_array(rule="touch") & ~parity.to_array(rule="within")
+    np.testing.assert_array_equal(shell.to_array(), touched)
+    assert shell.volume_bounds == (0.0, shell.volume)
+
+    opened = trimesh.Trimesh(closed.vertices, closed.faces[closed.triangles_center[:, 2] < 0.3])
+    model = voxelize(opened, "surface", dense=dense)
+    assert 0 < model.count < shell.count
+    assert not (model - shell).count
+    assert any("open" in warning for warning in model.report.warnings)
+
+
+def test_an_open_mesh_is_no_solid() -> None:
+    closed = PAIRS["balls"][0]
+    opened = trimesh.Trimesh(closed.vertices, closed.faces[1:])
+    for fill in ("parity", "nonzero", "positive"):
+        with pytest.raises(clvox.NotClosedError):
+            voxelize(opened, fill, dense=False)
+
+
+def test_winding_needs_an_oriented_mesh() -> None:
+    faces = PAIRS["boxes"][0].faces.copy()
+    faces[0] = faces[0][::-1]
+    mixed = trimesh.Trimesh(PAIRS["boxes"][0].vertices, faces, process=False)
+    assert voxelize(mixed, "parity", dense=False) == voxelize(
+        PAIRS["boxes"][0], "parity", dense=False
+    )
+    for fill in ("nonzero", "positive"):
+        with pytest.raises(clvox.NotOrientedError, match="used more often one way"):
+            voxelize(mixed, fill, dense=False)
+
+
+def test_an_unknown_fill_is_refused_with_the_known_ones() -> None:
+    known = "'parity', 'nonzero', 'positive', 'surface', got 'odd'"
+    with pytest.raises(clvox.GridError, match=known):
+        clvox.voxelize(PAIRS["balls"][0], grid=GRID, fill="odd")  # type: ignore[arg-type]
+
+
+def test_progress_comes_to_its_end() -> None:
+    mesh = PAIRS["balls"][0] + PAIRS["balls"][1]
+    for fill in ("parity", "nonzero", "surface"):
+        told: list[tuple[int, int]] = []
+        clvox.voxelize(
+            mesh,
+            grid=GRID,
+            fill=fill,
+            progress=lambda done, total, told=told: told.append((done, total)),
+        )
+        assert told[-1] == (2 * len(mesh.faces), 2 * len(mesh.faces))
+        assert told == sorted(told)
+
+
+@pytest.mark.parametrize(
+    ("name", "parity", "solid"),
+    [
+        # Volumes by hand: balls of one centre, turned alike; boxes in one another.
+        ("awkward/grid_aligned_boxes.ply", 1536.0, 1536.0),
+        ("awkward/needle_box_1000_to_1.stl", 1000.0, 1000.0),
+        ("awkward/two_boxes_touching_at_vertex.ply", 128.0, 128.0),
+        ("awkward/binary_stl_header_says_solid.stl", 105.0, 105.0),
+    ],
+)
+def test_known_volumes_lie_between_the_bounds(
+    data_file: Callable[[str], Path], name: str, parity: float, solid: float
+) -> None:
+    for fill, volume in (("parity", parity), ("nonzero", solid)):
+        model = clvox.voxelize(clvox.load(data_file(name)), resolution=100, fill=fill)
+        low, high = model.volume_bounds
+        assert low <= volume <= high
