@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import operator
 from collections.abc import Callable
+from functools import reduce
 from pathlib import Path
 
 import numpy as np
@@ -12,19 +14,18 @@ import trimesh
 import clvox
 from clvox.models.build import Fill
 
-LEVELS = {"dense": 1, "bricks": None}
-
 every_level = pytest.mark.parametrize("dense", [False, True], ids=["bricks", "dense"])
 
 
 def ball(radius: float, *center: float) -> trimesh.Trimesh:
-    made = trimesh.creation.icosphere(subdivisions=3, radius=radius)
+    made: trimesh.Trimesh = trimesh.creation.icosphere(subdivisions=3, radius=radius)
     made.apply_translation(center)
     return made
 
 
 def box(low: tuple[float, ...], high: tuple[float, ...]) -> trimesh.Trimesh:
-    return trimesh.creation.box(bounds=[low, high])
+    made: trimesh.Trimesh = trimesh.creation.box(bounds=[low, high])
+    return made
 
 
 GRID = clvox.Grid((-2.1, -1.7, -1.6), 0.13, (45, 29, 27))
@@ -126,34 +127,49 @@ def test_an_unknown_fill_is_refused_with_the_known_ones() -> None:
         clvox.voxelize(PAIRS["balls"][0], grid=GRID, fill="odd")  # type: ignore[arg-type]
 
 
-def test_progress_comes_to_its_end() -> None:
+@pytest.mark.parametrize("fill", ["parity", "nonzero", "surface"])
+def test_progress_comes_to_its_end(fill: Fill) -> None:
     mesh = PAIRS["balls"][0] + PAIRS["balls"][1]
-    for fill in ("parity", "nonzero", "surface"):
-        told: list[tuple[int, int]] = []
-        clvox.voxelize(
-            mesh,
-            grid=GRID,
-            fill=fill,
-            progress=lambda done, total, told=told: told.append((done, total)),
-        )
-        assert told[-1] == (2 * len(mesh.faces), 2 * len(mesh.faces))
-        assert told == sorted(told)
+    told: list[tuple[int, int]] = []
+    clvox.voxelize(
+        mesh, grid=GRID, fill=fill, progress=lambda done, total: told.append((done, total))
+    )
+    assert told[-1] == (2 * len(mesh.faces), 2 * len(mesh.faces))
+    assert told == sorted(told)
 
 
 @pytest.mark.parametrize(
-    ("name", "parity", "solid"),
+    ("name", "volume"),
     [
-        # Volumes by hand: balls of one centre, turned alike; boxes in one another.
-        ("awkward/grid_aligned_boxes.ply", 1536.0, 1536.0),
-        ("awkward/needle_box_1000_to_1.stl", 1000.0, 1000.0),
-        ("awkward/two_boxes_touching_at_vertex.ply", 128.0, 128.0),
-        ("awkward/binary_stl_header_says_solid.stl", 105.0, 105.0),
+        ("awkward/grid_aligned_boxes.ply", 1536.0),
+        ("awkward/needle_box_1000_to_1.stl", 1000.0),
+        ("awkward/two_boxes_touching_at_vertex.ply", 128.0),
+        ("awkward/binary_stl_header_says_solid.stl", 105.0),
+        # Voids are turned inwards here, so that signed volumes add up to what is solid.
+        ("awkward/hollow_sphere_void.stl", 2039.712627),
+        ("awkward/three_nested_spheres.stl", 2562.179996),
     ],
 )
+@pytest.mark.parametrize("fill", ["parity", "nonzero", "positive"])
 def test_known_volumes_lie_between_the_bounds(
-    data_file: Callable[[str], Path], name: str, parity: float, solid: float
+    data_file: Callable[[str], Path], fill: Fill, name: str, volume: float
 ) -> None:
-    for fill, volume in (("parity", parity), ("nonzero", solid)):
-        model = clvox.voxelize(clvox.load(data_file(name)), resolution=100, fill=fill)
-        low, high = model.volume_bounds
-        assert low <= volume <= high
+    model = clvox.voxelize(clvox.load(data_file(name)), resolution=100, fill=fill)
+    low, high = model.volume_bounds
+    assert low <= volume <= high
+
+
+@pytest.mark.parametrize(
+    "name", ["overlapping_boxes_45_bodies.obj", "featuretype_plus_scaled_copy_overlap.stl"]
+)
+def test_files_of_overlapping_bodies_are_united(
+    data_file: Callable[[str], Path], name: str
+) -> None:
+    mesh = clvox.load(data_file(f"awkward/{name}"))
+    mesh.merge_vertices()
+    grid = clvox.Grid.fit(mesh, resolution=96)
+    bodies = mesh.split(only_watertight=False)
+    assert len(bodies) > 1
+    alone = [clvox.voxelize(body, grid=grid, lattice_bits=9) for body in bodies]
+    united = reduce(operator.or_, alone)
+    assert clvox.voxelize(mesh, grid=grid, lattice_bits=9, fill="nonzero") == united
