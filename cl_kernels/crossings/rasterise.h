@@ -17,8 +17,8 @@
  * decides: |residual| <= area * STEP <= 2^62, so arithmetic modulo 2^64 keeps its sign.
  *
  * The depth, rounded up, is the slot that the crossing had if centres were 2^-FRACTION_BITS voxels
- * apart: the residual gives one digit more, within 2^-5 of the truth in float32, and what is left
- * then is again at most area * STEP.
+ * apart: the residual gives one digit more, of 18 bits and so within 1/8 of the truth in float32, and
+ * what is left then is again at most area * STEP.
  *
  * Defines:    EDGE, RASTERISE  type of the edge functions and name of the function
  */
