@@ -12,7 +12,7 @@
  * Defines:    RULE  0: NONZERO, 1: POSITIVE
  *             FRACTION_BITS  of the depths
  *             SINK  1: DENSE, 2: BRICKS (crossings/sinks.h)
- *             BRICK_X, BRICK_Y, BRICK_Z  sides of a brick, for the sink BRICKS
+ *             LEVELS, BRICK_*, MIDDLE_*  of the model, for the sink BRICKS (common/bricks.h)
  */
 #include "crossings/sinks.h"
 
@@ -46,7 +46,7 @@ __kernel void flip_rule(
     const int u = window.x + (int)(ray / width);
     const int v = window.y + (int)(ray % width);
     const ulong stop = offsets[ray + 1];
-    Sink sink = MAKE_SINK(window, 0, 0);
+    Sink sink = MAKE_SINK(window);
     int winding = 0;
     for (ulong at = offsets[ray]; at < stop;) {
         const int slot = slot_of(rows[at]);
@@ -54,4 +54,5 @@ __kernel void flip_rule(
         for (; at < stop && slot_of(rows[at]) == slot; ++at) winding += rows[at] & 1 ? 1 : -1;
         if (is_inside(winding) != before) cross(&sink, u, v, slot);
     }
+    finish(&sink);
 }

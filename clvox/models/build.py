@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal, TypeAlias, get_args
 
 import numpy as np
@@ -22,7 +22,7 @@ from clvox.ops import boundary, crossings, dense
 from clvox.ops import fill as fills
 from clvox.ops.facets import Facets, Progress, upload_facets
 from clvox.ops.fill import Winding
-from clvox.ops.layout import Bricks, VoxelArrays, words_for
+from clvox.ops.layout import Bricks, Cells, VoxelArrays, cell_shape, words_for
 from clvox.ops.multilevel import carry, rank_cells
 
 Fill: TypeAlias = Literal["parity", "nonzero", "positive", "surface"]
@@ -61,9 +61,9 @@ def voxelize(
         three, or *levels* alone, whose voxels then fill the mesh's bounding box exactly.
     levels : sequence of (3,) int, optional
         ``[(N0x, N0y, N0z), (n1x, n1y, n1z)]``: cells of the coarse grid, and voxels in each of
-        them, 1 to 64 along a side.  One entry alone, the grid's shape, asks for a dense grid of
-        bits.  By default bricks of 8 x 8 x 8, and larger ones once those would need more than
-        2**27 cells.
+        them, 1 to 64 along a side; a third entry divides those once more.  One entry alone, the
+        grid's shape, asks for a dense grid of bits.  By default cells of 8 x 8 x 8 voxels, and
+        once those would number more than 2**27, cells of 8 x 8 x 8 of such cells.
     fill : "parity", "nonzero", "positive" or "surface"
         What is inside where bodies overlap or lie within one another.  "parity": what an odd
         number of surfaces encloses.  "nonzero": what any body encloses, so overlapping bodies
@@ -121,10 +121,13 @@ def voxelize(
         surface.require_closed()
     if grid is None and resolution is None and pitch is None and levels is not None:
         grid = fill_box(surface.bounds, levels)
+    elif [grid is None, resolution is None, pitch is None].count(False) != 1:
+        raise GridError(
+            "give one of resolution= (voxels along the longest side), pitch= (width of a voxel) "
+            "and grid=, or levels= alone"
+        )
     elif grid is None:
         grid = Grid.fit(surface, resolution=resolution, pitch=pitch)
-    elif resolution is not None or pitch is not None:
-        raise GridError("give one of grid=, resolution= and pitch=")
     shapes = resolve_levels(grid.shape, levels)
     lattice = Lattice.fit(grid, surface.bounds, bits=lattice_bits)
     session = open_session(device)
@@ -263,13 +266,7 @@ def _build_bricks(
     tell: Progress | None,
 ) -> tuple[VoxelArrays, int, int]:
     shape = lattice.grid.shape
-    cell_counts, brick = levels
-    with stages.stage("mark"):
-        marks = boundary.mark_cells(
-            session, facets, lattice.bits, shape, brick, progress=_part(tell, 0)
-        )
-    with stages.stage("rank"):
-        cells = rank_cells(session, marks, cell_counts, brick)
+    cells = _mark_cells(session, facets, lattice, levels, stages, tell)
     with stages.stage("clear"):
         bricks = Bricks.cleared(session, cells)
     with stages.stage("flip"):
@@ -280,7 +277,7 @@ def _build_bricks(
             fills.flip_bricks(session, facets, lattice.bits, cells, winding, bricks, progress=part)
     with stages.stage("carry"):
         solid = carry(session, cells, bricks, shape)
-    arrays = VoxelArrays(shape, bricks.voxels, cells, solid.inside)
+    arrays = VoxelArrays(shape, bricks.voxels, cells, solid.inside, solid.middle_inside)
     return arrays, solid.odd_rays, solid.disagreements
 
 
@@ -319,20 +316,53 @@ def _build_surface(
 ) -> VoxelArrays:
     """The touched voxels: marks are all there is to it."""
     shape = lattice.grid.shape
-    cell_counts, brick = levels if len(levels) == 2 else (shape, (1, 1, 1))
-    with stages.stage("mark"):
-        marks = boundary.mark_cells(
-            session, facets, lattice.bits, shape, brick, progress=_part(tell, 0)
-        )
     if len(levels) == 1:
+        with stages.stage("mark"):
+            marks = boundary.mark_cells(
+                session, facets, lattice.bits, shape, (1, 1, 1), progress=_part(tell, 1)
+            )
         return VoxelArrays(shape, marks)
-    with stages.stage("rank"):
-        cells = rank_cells(session, marks, cell_counts, brick)
+    cells = _mark_cells(session, facets, lattice, levels, stages, tell)
     with stages.stage("flip"):
         voxels = boundary.mark_voxels(
             session, facets, lattice.bits, shape, cells, progress=_part(tell, 1)
         )
-    return VoxelArrays(shape, voxels, cells, session.zeros(marks.shape, np.uint32))
+    inside = session.zeros(cells.boundary.shape, np.uint32)
+    middle = session.zeros(cells.finer.boundary.shape, np.uint32) if cells.finer else None
+    return VoxelArrays(shape, voxels, cells, inside, middle)
+
+
+def _mark_cells(
+    session: Session,
+    facets: Facets,
+    lattice: Lattice,
+    levels: tuple[Shape, ...],
+    stages: _Stages,
+    tell: Progress | None,
+) -> Cells:
+    """The touched cells of each level above the voxels."""
+    shape = lattice.grid.shape
+    sides = levels[1] if len(levels) == 2 else _product(levels[1], levels[2])
+    with stages.stage("mark"):
+        marks = boundary.mark_cells(
+            session, facets, lattice.bits, shape, sides, progress=_part(tell, 0)
+        )
+    with stages.stage("rank"):
+        cells = rank_cells(session, marks, levels[0], levels[1])
+    if len(levels) == 3:
+        counts = cell_shape(shape, levels[2])
+        with stages.stage("mark"):
+            marks = boundary.mark_voxels(
+                session, facets, lattice.bits, counts, cells, side=levels[2]
+            )
+        with stages.stage("rank"):
+            finer = rank_cells(session, marks, counts, levels[2])
+        cells = replace(cells, finer=finer)
+    return cells
+
+
+def _product(a: Shape, b: Shape) -> Shape:
+    return a[0] * b[0], a[1] * b[1], a[2] * b[2]
 
 
 def _part(tell: Progress | None, part: int) -> Progress | None:

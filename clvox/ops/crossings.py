@@ -11,7 +11,7 @@ from pyopencl import cltypes
 from clvox.device import Session
 from clvox.grid import Shape
 from clvox.ops.facets import Facets, Progress, visit_facets
-from clvox.ops.layout import Bricks, Cells, words_for
+from clvox.ops.layout import Bricks, Cells, int4, words_for
 
 _FILE = "crossings/cast_rays.cl"
 _COUNT, _DENSE, _BRICKS, _EMIT = 0, 1, 2, 3
@@ -174,9 +174,7 @@ def flip_bricks(
     Rays of the padding are cast like all others.
     """
     defines = {"AXIS": 1, "STEP_BITS": bits, "SINK": _BRICKS, "DIRECT": direct, "TILE": tile}
-    sink = (
-        *(cells.shape4, cells.boundary, cells.rank),
-        *(bricks.voxels, bricks.exits, bricks.entry, bricks.beyond),
-    )
-    box = Window.whole(cells.padded, 1).box
+    columns = int4(cells.last.shape), *cells.tree
+    sink = *columns, bricks.voxels, bricks.exits, bricks.entry, bricks.beyond
+    box = Window.whole(cells.last.padded, 1).box
     visit_facets(session, _FILE, "cast", facets, box, sink, defines | cells.defines, progress)

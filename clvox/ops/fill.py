@@ -13,7 +13,7 @@ from clvox.device.session import Argument
 from clvox.grid import Shape
 from clvox.ops.crossings import Window, fraction_bits
 from clvox.ops.facets import Facets, Progress
-from clvox.ops.layout import Bricks, Cells, words_for
+from clvox.ops.layout import Bricks, Cells, int4, words_for
 from clvox.ops.lists import Rows, sort_crossings
 
 _FILE = "fill/flip_rule.cl"
@@ -70,12 +70,10 @@ def flip_bricks(
 
     The arrays are those of `clvox.ops.crossings.flip_bricks`.
     """
-    sink = (
-        *(cells.shape4, cells.boundary, cells.rank),
-        *(bricks.voxels, bricks.exits, bricks.entry, bricks.beyond),
-    )
+    columns = int4(cells.last.shape), *cells.tree
+    sink = *columns, bricks.voxels, bricks.exits, bricks.entry, bricks.beyond
     defines = {"SINK": _BRICKS, **cells.defines}
-    _flip(session, facets, bits, cells.padded, rule, sink, defines, progress, list_bytes)
+    _flip(session, facets, bits, cells.last.padded, rule, sink, defines, progress, list_bytes)
 
 
 def _flip(

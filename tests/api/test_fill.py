@@ -13,8 +13,15 @@ import trimesh
 
 import clvox
 from clvox.models.build import Fill
+from clvox.models.levels import Levels
 
-every_level = pytest.mark.parametrize("dense", [False, True], ids=["bricks", "dense"])
+LEVELS: dict[int, Levels | None] = {
+    1: [(45, 29, 27)],
+    2: None,
+    3: [(4, 3, 3), (4, 4, 4), (3, 3, 3)],
+}
+
+every_level = pytest.mark.parametrize("levels", LEVELS)
 
 
 def ball(radius: float, *center: float) -> trimesh.Trimesh:
@@ -39,38 +46,37 @@ PAIRS = {
 }
 
 
-def voxelize(mesh: trimesh.Trimesh, fill: Fill, *, dense: bool) -> clvox.VoxelModel:
-    levels = [GRID.shape] if dense else None
+def voxelize(mesh: trimesh.Trimesh, fill: Fill, *, levels: int) -> clvox.VoxelModel:
     # One lattice, so that models may be combined.
-    return clvox.voxelize(mesh, grid=GRID, levels=levels, fill=fill, lattice_bits=10)
+    return clvox.voxelize(mesh, grid=GRID, levels=LEVELS[levels], fill=fill, lattice_bits=10)
 
 
 @every_level
 @pytest.mark.parametrize("pair", PAIRS)
-def test_overlapping_bodies_are_united(pair: str, *, dense: bool) -> None:
+def test_overlapping_bodies_are_united(pair: str, levels: int) -> None:
     one, other = PAIRS[pair]
     for both in (one + other, other + one):
-        first, second = (voxelize(mesh, "parity", dense=dense) for mesh in (one, other))
-        assert voxelize(both, "nonzero", dense=dense) == first | second
-        assert voxelize(both, "positive", dense=dense) == first | second
-        assert voxelize(both, "parity", dense=dense) == first ^ second
+        first, second = (voxelize(mesh, "parity", levels=levels) for mesh in (one, other))
+        assert voxelize(both, "nonzero", levels=levels) == first | second
+        assert voxelize(both, "positive", levels=levels) == first | second
+        assert voxelize(both, "parity", levels=levels) == first ^ second
 
 
 @every_level
-def test_a_body_turned_inwards_is_a_void(*, dense: bool) -> None:
+def test_a_body_turned_inwards_is_a_void(levels: int) -> None:
     outer, inner = PAIRS["nested"]
     void = inner.copy()
     void.invert()
     hollow = outer + void
-    expected = voxelize(outer, "parity", dense=dense) - voxelize(inner, "parity", dense=dense)
+    expected = voxelize(outer, "parity", levels=levels) - voxelize(inner, "parity", levels=levels)
     for fill in ("parity", "nonzero", "positive"):
-        assert voxelize(hollow, fill, dense=dense) == expected
+        assert voxelize(hollow, fill, levels=levels) == expected
 
 
 @every_level
-def test_one_body_is_the_same_by_every_rule(*, dense: bool) -> None:
+def test_one_body_is_the_same_by_every_rule(levels: int) -> None:
     mesh = PAIRS["balls"][0]
-    models = [voxelize(mesh, fill, dense=dense) for fill in ("parity", "nonzero", "positive")]
+    models = [voxelize(mesh, fill, levels=levels) for fill in ("parity", "nonzero", "positive")]
     assert models[0] == models[1] == models[2]
     assert [model.report.fill for model in models] == ["parity", "nonzero", "positive"]
 
@@ -78,24 +84,24 @@ def test_one_body_is_the_same_by_every_rule(*, dense: bool) -> None:
 def test_a_mesh_inside_out_is_solid_by_nonzero_and_nothing_by_positive() -> None:
     mesh = PAIRS["balls"][0].copy()
     mesh.invert()
-    turned = voxelize(mesh, "nonzero", dense=False)
-    assert turned == voxelize(PAIRS["balls"][0], "parity", dense=False)
-    nothing = voxelize(mesh, "positive", dense=False)
+    turned = voxelize(mesh, "nonzero", levels=2)
+    assert turned == voxelize(PAIRS["balls"][0], "parity", levels=2)
+    nothing = voxelize(mesh, "positive", levels=2)
     assert nothing.count == 0
     assert any("inside out" in warning for warning in nothing.report.warnings)
 
 
 @every_level
-def test_surface_takes_the_touched_voxels_of_any_mesh(*, dense: bool) -> None:
+def test_surface_takes_the_touched_voxels_of_any_mesh(levels: int) -> None:
     closed = PAIRS["balls"][0]
-    parity = voxelize(closed, "parity", dense=dense)
-    shell = voxelize(closed, "surface", dense=dense)
+    parity = voxelize(closed, "parity", levels=levels)
+    shell = voxelize(closed, "surface", levels=levels)
     touched = parity.to_array(rule="touch") & ~parity.to_array(rule="within")
     np.testing.assert_array_equal(shell.to_array(), touched)
     assert shell.volume_bounds == (0.0, shell.volume)
 
     opened = trimesh.Trimesh(closed.vertices, closed.faces[closed.triangles_center[:, 2] < 0.3])
-    model = voxelize(opened, "surface", dense=dense)
+    model = voxelize(opened, "surface", levels=levels)
     assert 0 < model.count < shell.count
     assert not (model - shell).count
     assert any("open" in warning for warning in model.report.warnings)
@@ -106,19 +112,17 @@ def test_an_open_mesh_is_no_solid() -> None:
     opened = trimesh.Trimesh(closed.vertices, closed.faces[1:])
     for fill in ("parity", "nonzero", "positive"):
         with pytest.raises(clvox.NotClosedError):
-            voxelize(opened, fill, dense=False)
+            voxelize(opened, fill, levels=2)
 
 
 def test_winding_needs_an_oriented_mesh() -> None:
     faces = PAIRS["boxes"][0].faces.copy()
     faces[0] = faces[0][::-1]
     mixed = trimesh.Trimesh(PAIRS["boxes"][0].vertices, faces, process=False)
-    assert voxelize(mixed, "parity", dense=False) == voxelize(
-        PAIRS["boxes"][0], "parity", dense=False
-    )
+    assert voxelize(mixed, "parity", levels=2) == voxelize(PAIRS["boxes"][0], "parity", levels=2)
     for fill in ("nonzero", "positive"):
         with pytest.raises(clvox.NotOrientedError, match="used more often one way"):
-            voxelize(mixed, fill, dense=False)
+            voxelize(mixed, fill, levels=2)
 
 
 def test_an_unknown_fill_is_refused_with_the_known_ones() -> None:
