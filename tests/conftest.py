@@ -46,7 +46,8 @@ class ExactAllocator:
     """Stands in for a session's memory pool while Oclgrind watches.
 
     A pool gives out more memory than was asked for, and gives it out again, written: accesses
-    beyond the end of an array and reads of what nobody wrote would go unseen.
+    beyond the end of an array and reads of what nobody wrote would go unseen.  Nor is memory freed:
+    Oclgrind takes what is written to an address that was in use before for uninitialised.
     """
 
     active_bytes = active_blocks = held_blocks = 0
@@ -55,8 +56,6 @@ class ExactAllocator:
         from pyopencl.tools import ImmediateAllocator
 
         self._allocate = ImmediateAllocator(queue)
-        # Oclgrind gives the address of a freed buffer to the next one, but not its size: what lies
-        # beyond the old end would count as never written.
         self._kept: list[Any] = []
 
     def __call__(self, size: int) -> Any:

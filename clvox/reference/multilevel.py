@@ -114,6 +114,25 @@ def build(
     return Model(shape, size, boundary, ~boundary & every, bricks)
 
 
+def from_voxels(voxels: NDArray[np.bool_], size: Shape) -> Model:
+    """Return the two-level model of voxels, (nz, ny, nx), in cells of *size* voxels.
+
+    Those cells have a brick whose voxels, as far as the grid reaches, are not all alike.
+    """
+    nz, ny, nx = voxels.shape
+    shape = (nx, ny, nz)
+    counts = cells_of(shape, size)
+    missing = [
+        (0, count * side - have)
+        for count, side, have in zip(counts[::-1], size[::-1], voxels.shape, strict=True)
+    ]
+    padded, real = np.pad(voxels, missing), np.pad(np.ones_like(voxels), missing)
+    blocks, parts = _blocks(padded, counts, size), _blocks(real, counts, size)
+    some, every = blocks.any(axis=(3, 4, 5)), (blocks == parts).all(axis=(3, 4, 5))
+    boundary = some & ~every
+    return Model(shape, size, boundary, every, blocks[boundary])
+
+
 def contains(model: Model, indices: ArrayLike) -> NDArray[np.bool_]:
     """Return whether each voxel (i, j, k) is in; False for one outside of the grid; (n,) bool."""
     numbers = np.cumsum(model.boundary).reshape(model.boundary.shape) - 1

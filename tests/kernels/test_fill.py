@@ -22,12 +22,11 @@ from clvox.ops.multilevel import carry, rank_cells
 from clvox.reference import fill as twin
 from clvox.reference.crossings import AXES
 from clvox.reference.multilevel import Model
+from tests.kernels.cases import INTERPRETED
 from tests.strategies import BOX, FAMILIES, Mesh, adversarial_meshes, closed_meshes, join
 
 if TYPE_CHECKING:
     from clvox.device import Session
-
-INTERPRETED = os.environ.get("HYPOTHESIS_PROFILE") == "oclgrind"
 
 BITS = 8
 SHAPE: Shape = (9, 8, 7)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -17,12 +16,11 @@ from clvox.ops.facets import Facets, upload_facets
 from clvox.ops.lists import CrossingLists, list_crossings, sort_crossings, sort_rows
 from clvox.reference import lists as twin
 from clvox.reference.crossings import AXES, crossings
+from tests.kernels.cases import INTERPRETED
 from tests.strategies import BOX, FAMILIES, Mesh, adversarial_meshes, closed_meshes, join
 
 if TYPE_CHECKING:
     from clvox.device import Session
-
-INTERPRETED = os.environ.get("HYPOTHESIS_PROFILE") == "oclgrind"
 
 SHAPE: Shape = (6, 5, 4)
 MESHES = {bits: closed_meshes(bits, SHAPE) for bits in (7, 14)}
