@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import email
+import email.policy
 import os
 import re
 import shutil
@@ -55,12 +56,12 @@ def test_wheel_says_what_it_is(wheel: Path) -> None:
     """Version, licence and description come from where they are said."""
     with zipfile.ZipFile(wheel) as archive:
         (name,) = (n for n in archive.namelist() if n.endswith(".dist-info/METADATA"))
-        metadata = email.message_from_bytes(archive.read(name))
+        metadata = email.message_from_bytes(archive.read(name), policy=email.policy.default)
         licences = [n for n in archive.namelist() if n.endswith("LICENSE")]
     assert metadata["Version"] == clvox.__version__
     assert metadata["License"] == "MIT" or metadata["License-Expression"] == "MIT"
     assert len(licences) == 1
-    assert metadata.get_payload() == (ROOT / "README.md").read_text()
+    assert metadata.get_content() == (ROOT / "README.md").read_text()
 
 
 def test_wheel_works_where_the_tree_is_not(wheel: Path, tmp_path: Path) -> None:

@@ -38,7 +38,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     -------
     int
         0, all is well; 1, the files, the mesh or the device stand in the way, as one sentence on
-        the standard error says; 130, interrupted.
+        the standard error says; 130, interrupted.  `clvox doctor` ends with 1 if something failed
+        and with 3 if there is no device.
 
     Raises
     ------
@@ -62,7 +63,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             traceback.print_exc()
         console.complain(f"error: {_sentence(error)}")
         return FAILED
-    return 0
+    return console.status
 
 
 def _command(name: str) -> Command:

@@ -43,6 +43,13 @@ def _parser() -> argparse.ArgumentParser:
 
     verbs.add_parser("devices", parents=[common], help="list the OpenCL devices")
 
+    verbs.add_parser(
+        "doctor",
+        parents=[common],
+        help="look at drivers and devices, and try each device",
+        epilog="Exit status: 0 all is well, 1 something failed, 3 there is no device.",
+    )
+
     info = verbs.add_parser("info", parents=[common], help="tell what a mesh is like")
     _file(info)
     size = info.add_mutually_exclusive_group()
@@ -135,7 +142,7 @@ def _resolution(group: argparse._ActionsContainer) -> None:
 
 
 def _file(parser: argparse.ArgumentParser, *, model: bool = False) -> None:
-    what = "a mesh: STL, OBJ or PLY, also compressed (.gz)"
+    what = "a mesh: STL, OBJ, PLY, OFF, GLB, glTF or 3MF, also compressed (.gz)"
     if model:
         what += "; or a model that `clvox voxelize` wrote (.npz)"
     parser.add_argument("file", metavar="FILE", help=what)

@@ -37,9 +37,24 @@ def devices(_: argparse.Namespace, console: Console) -> None:
     ]
 
 
+def doctor(_: argparse.Namespace, console: Console) -> None:
+    """Tell what is wrong with drivers and devices, each thing as it is found."""
+    # Not at the top: `info` needs no device, and does not wait for pyopencl.
+    from clvox.doctor import examining, exit_status
+
+    findings = []
+    for finding in examining():
+        findings.append(finding)
+        mark = "FAILED: " if finding.failed else ""
+        console.say(finding.topic, f"{finding.subject}: {mark}{finding.text}")
+    console.record["findings"] = [asdict(finding) for finding in findings]
+    console.status = exit_status(findings)
+
+
 def info(options: argparse.Namespace, console: Console) -> None:
     """Tell what a mesh is like; an open one is no error here."""
-    surface = _check(_load(options.file, console), console)
+    mesh = _load(options.file, console)
+    surface = _check(mesh, console)
     resolution = options.resolution
     if options.pitch is None and resolution is None:
         resolution = INFO_RESOLUTION
@@ -51,6 +66,8 @@ def info(options: argparse.Namespace, console: Console) -> None:
         "file": options.file,
         "triangles": len(surface.faces),
         "vertices": len(surface.vertices),
+        "bodies": bodies_of(mesh),
+        "units": mesh.units,
         "bounds": [low, high],
         "extent": extent,
         "closed": surface.closed,
@@ -67,6 +84,10 @@ def info(options: argparse.Namespace, console: Console) -> None:
     console.say("file", options.file)
     console.say("triangles", f"{len(surface.faces):,}")
     console.say("vertices", f"{len(surface.vertices):,}")
+    if "body" in mesh.face_attributes:
+        console.say("bodies", f"{bodies_of(mesh):,}")
+    if mesh.units is not None:
+        console.say("unit", mesh.units)
     console.say("bounds", f"{_point(low)} to {_point(high)}")
     console.say("extent", _point(extent))
     odd, uneven = len(surface.odd_edges), len(surface.uneven_edges)
@@ -131,6 +152,7 @@ def render(options: argparse.Namespace, console: Console) -> None:
 
 COMMANDS: Mapping[str, Command] = {
     "devices": devices,
+    "doctor": doctor,
     "info": info,
     "voxelize": voxelize,
     "mesh": mesh,
@@ -182,6 +204,12 @@ def model_of(file: str, options: argparse.Namespace, console: Console) -> clvox.
         console.say("on device", f"seconds: {stages}")
     console.warn(report.warnings)
     return model
+
+
+def bodies_of(mesh: trimesh.Trimesh) -> int | None:
+    """Return how many bodies the file says there are; None if its format has none."""
+    bodies = mesh.face_attributes.get("body")
+    return None if bodies is None else len(np.unique(np.asarray(bodies)))
 
 
 def mesh_of(model: clvox.VoxelModel, console: Console) -> trimesh.Trimesh:

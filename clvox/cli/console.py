@@ -24,6 +24,8 @@ class Console:
         What is printed at the end, if JSON was asked for.
     seconds : dict
         Of each stage that is over; part of the record if there are any.
+    status : int
+        How the process ends, unless an error ends it.
     """
 
     def __init__(self, *, as_json: bool, quiet: bool) -> None:
@@ -31,6 +33,7 @@ class Console:
         self.quiet = quiet
         self.record: dict[str, Any] = {}
         self.seconds: dict[str, float] = {}
+        self.status = 0
 
     def say(self, label: str, text: str) -> None:
         """Print a line of the result, for a person only."""

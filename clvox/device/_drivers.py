@@ -20,10 +20,10 @@ from tempfile import TemporaryDirectory
 
 import pyopencl as cl
 
-_LIST = Path("/etc/OpenCL/vendors")
+LIST = Path("/etc/OpenCL/vendors")
 """Where the loader in PyOpenCL's wheels looks; it finds PoCL's wheel beside itself, always."""
 
-_CHOSEN_BY_USER = "OCL_ICD_VENDORS", "OPENCL_VENDOR_PATH"
+CHOSEN_BY_USER = "OCL_ICD_VENDORS", "OPENCL_VENDOR_PATH"
 _DRIVERS = "libintelocl.so", "intelocl64.dll"
 
 _lock = threading.Lock()
@@ -38,7 +38,7 @@ def platforms() -> tuple[cl.Platform, ...]:
 
 @cache
 def _platforms() -> tuple[cl.Platform, ...]:
-    driver = None if any(map(os.environ.get, _CHOSEN_BY_USER)) else intel_driver()
+    driver = None if any(map(os.environ.get, CHOSEN_BY_USER)) else intel_driver()
     with _listed(driver) if driver else ExitStack():
         try:
             return tuple(cl.get_platforms())
@@ -84,7 +84,7 @@ def _listed(driver: Path) -> Iterator[None]:
 def _system_drivers() -> dict[str, str]:
     """What each file of the system's list says."""
     found = {}
-    for path in sorted(_LIST.glob("*.icd")):
+    for path in sorted(LIST.glob("*.icd")):
         try:
             found[path.name] = path.read_text()
         except (OSError, UnicodeDecodeError):

@@ -266,7 +266,7 @@ def unused(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
         monkeypatch.delenv(name, raising=False)
     folder = tmp_path / "vendors"
     folder.mkdir()
-    monkeypatch.setattr(_drivers, "_LIST", folder)
+    monkeypatch.setattr(_drivers, "LIST", folder)
     return folder
 
 

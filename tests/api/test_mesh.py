@@ -13,6 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from clvox import _weld
 from clvox import mesh as module
 from clvox.errors import MeshError, NotClosedError, NotOrientedError
 from clvox.mesh import Surface, check
@@ -191,12 +192,12 @@ def test_colliding_hashes_change_nothing(monkeypatch: pytest.MonkeyPatch, keep: 
     expected = check((vertices, doubled))
     assert expected.duplicates == 5
     assert expected.cancelled == 4
-    weak = module._hash
+    weak = _weld._hash
 
     def worse(rows: NDArray[np.uint64]) -> NDArray[np.uint64]:
         return weak(rows) << np.uint64(60) & np.uint64(keep << 60 & 2**64 - 1)
 
-    monkeypatch.setattr(module, "_hash", worse)
+    monkeypatch.setattr(_weld, "_hash", worse)
     found = check((vertices, doubled))
     np.testing.assert_array_equal(found.vertices, expected.vertices)
     np.testing.assert_array_equal(found.faces, expected.faces)
@@ -296,7 +297,7 @@ def test_opposite_pair_apart_from_everything_cancels() -> None:
 
 
 def test_third_vertex_that_does_not_fit_the_key(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(module, "_widths", lambda _: (30, 3))
+    monkeypatch.setattr(_weld, "_widths", lambda _: (30, 3))
     mesh = trimesh.creation.icosphere(subdivisions=2)
     vertices, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces)
     assert check((vertices, faces)).oriented
@@ -362,8 +363,9 @@ def test_large_mesh_takes_the_same_way_as_a_small_one(monkeypatch: pytest.Monkey
     vertices, faces = soup(mesh.vertices, mesh.faces)
     faces = np.concatenate([faces[20:], faces[30:40]])
     expected = check((vertices, faces))
-    monkeypatch.setattr(module, "_SMALL", 16)
-    monkeypatch.setattr(module, "_BLOCK", 100)
+    monkeypatch.setattr(_weld, "_SMALL", 16)
+    monkeypatch.setattr(_weld, "BLOCK", 100)
+    monkeypatch.setattr(module, "BLOCK", 100)
     found = check((vertices, faces))
     np.testing.assert_array_equal(found.faces, expected.faces)
     np.testing.assert_array_equal(found.odd_edges, expected.odd_edges)

@@ -91,7 +91,7 @@ def test_a_pickle_gives_the_model_back(model: VoxelModel, protocol: int) -> None
 
 def test_a_file_does_not_know_the_mesh(model: VoxelModel, tmp_path: Path) -> None:
     model.save(tmp_path / "model.npz")
-    with pytest.raises(clvox.MeshError, match="not made from a mesh"):
+    with pytest.raises(clvox.MeshError, match="known to be touched"):
         clvox.open(tmp_path / "model.npz").classify([[0, 0, 0]])
 
 

@@ -302,7 +302,7 @@ def test_a_voxel_becomes_an_octahedron_in_its_place() -> None:
     vertices, faces = extract(grid, reader(solid))
     center = np.array([12.5, -19, 44])
     axes = np.array([[0, 0, 2], [0, 1, 0], [0.5, 0, 0]])
-    assert np.array_equal(vertices, [*center, *(-axes), *axes[::-1]])
+    assert np.array_equal(vertices, center + np.vstack([-axes, axes[::-1]]))
     assert faces.shape == (8, 3)
     assert signed_volume((vertices, faces)) == pytest.approx(8 / 6)
 
