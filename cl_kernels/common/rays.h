@@ -49,15 +49,15 @@ static inline Facet load_facet(
     return f;
 }
 
-/* The rays (first u, first v, last u, last v) that may meet the triangle, of those from 0 to
- * `rays` - 1; a last before its first means none. */
-static inline int4 ray_box(const Facet f, const int2 rays)
+/* The rays (first u, first v, last u, last v) that may meet the triangle, of those in `window`,
+ * which is such a box too; a last before its first means none. */
+static inline int4 ray_box(const Facet f, const int4 window)
 {
     const int2 low = min(min(f.a.xy, f.b.xy), f.c.xy);
     const int2 high = max(max(f.a.xy, f.b.xy), f.c.xy);
     /* Shifts of negative numbers floor, in OpenCL C by definition. */
-    const int2 first = max((low + (STEP - 1)) >> STEP_BITS, (int2)(0));
-    const int2 last = min(high >> STEP_BITS, rays - 1);
+    const int2 first = max((low + (STEP - 1)) >> STEP_BITS, window.xy);
+    const int2 last = min(high >> STEP_BITS, window.zw);
     return (int4)(first, last);
 }
 
@@ -96,6 +96,16 @@ static inline int tie_bit(const Facet f)
     return along_u > 0 || (along_u == 0 && along_v > 0);
 #endif
 #endif
+}
+
+/* By how much a crossing lies behind a centre, times area * STEP, modulo 2^64: from the weights of
+ * corners a and b, what those corners lie behind c, and what c lies behind the centre. */
+static inline ulong residual_of(
+    const long weight_a, const long weight_b, const int d0, const int d1, const long area,
+    const long behind)
+{
+    return (ulong)weight_a * (ulong)(long)d0 + (ulong)weight_b * (ulong)(long)d1
+         + (ulong)area * (ulong)behind;
 }
 
 #endif

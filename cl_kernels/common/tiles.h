@@ -10,6 +10,8 @@
 #ifndef CLVOX_TILES_H
 #define CLVOX_TILES_H
 
+#include "common/entries.h"
+
 /* Tiles along u and v of a box (first u, first v, last u, last v) that is not empty. */
 static inline int2 tiles_of(const int4 box)
 {
@@ -27,18 +29,6 @@ static inline int4 tile_box(const int4 box, const uint tile)
     const int tiles_v = tiles_of(box).y;
     const int2 first = box.xy + (int2)(tile / tiles_v, tile % tiles_v) * TILE;
     return (int4)(first, min(first + TILE - 1, box.zw));
-}
-
-/* The entry of the list to which a pair belongs: the last one whose offset is not above it. */
-static inline uint entry_of(const __global ulong *offsets, const uint entries, const ulong pair)
-{
-    uint low = 0, high = entries;
-    while (high - low > 1) {
-        const uint middle = low + (high - low) / 2;
-        if (offsets[middle] <= pair) low = middle;
-        else high = middle;
-    }
-    return low;
 }
 
 #endif

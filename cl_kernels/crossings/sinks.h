@@ -1,12 +1,14 @@
 /*
  * crossings/sinks.h: what becomes of a crossing.
  *
- * A sink is a type Sink with the functions cross() and finish(); SINK_PARAMETERS are its kernel
- * arguments and MAKE_SINK gathers them.  All sinks commute, so the order of the triangles never
- * shows.  Neighbouring crossings often flip bits of one word: these are gathered, and written
+ * A sink is a type Sink with the functions cross(), or emit() for EMIT, and finish();
+ * SINK_PARAMETERS are its kernel arguments and MAKE_SINK gathers them, for the rays of a window
+ * (first u, first v, last u, last v).  begin() tells it of each triangle that is cast.  COUNT,
+ * DENSE and BRICKS commute and what EMIT lists is sorted afterwards, so the order of the triangles
+ * never shows.  Neighbouring crossings often flip bits of one word: these are gathered, and written
  * when another word's turn comes.
  *
- * Defines:    SINK  COUNT, DENSE or BRICKS; and what these need: see cast_rays.cl
+ * Defines:    SINK  COUNT, DENSE, BRICKS or EMIT; and what these need: see cast_rays.cl
  */
 #ifndef CLVOX_SINKS_H
 #define CLVOX_SINKS_H
@@ -14,6 +16,21 @@
 #define COUNT 0
 #define DENSE 1
 #define BRICKS 2
+#define EMIT 3
+
+#if SINK == COUNT || SINK == EMIT
+
+/* Number of a ray in its window; the later of the two axes across the rays is the slowest. */
+static inline ulong ray_number(const int4 window, const int u, const int v)
+{
+#if AXIS == 1
+    return (ulong)(u - window.x) * (window.w - window.y + 1) + (v - window.y);
+#else
+    return (ulong)(v - window.y) * (window.z - window.x + 1) + (u - window.x);
+#endif
+}
+
+#endif
 
 #define GATHER_FLIPS \
     static inline void finish(Sink *sink) \
@@ -32,22 +49,47 @@
 
 #if SINK == COUNT
 
-/* counts: crossings per ray, the later of the two axes across the rays slowest. */
+/* counts: crossings per ray, added to. */
 #define SINK_PARAMETERS __global uint *counts
-#define MAKE_SINK(rays) { rays, counts }
+#define MAKE_SINK(window) { window, counts }
 typedef struct {
-    int2 rays;
+    int4 window;
     __global uint *counts;
 } Sink;
 
 static inline void cross(Sink *sink, const int u, const int v, const int slot)
 {
-#if AXIS == 1
-    const ulong ray = (ulong)u * sink->rays.y + v;
-#else
-    const ulong ray = (ulong)v * sink->rays.x + u;
-#endif
-    atomic_inc(sink->counts + ray);
+    atomic_inc(sink->counts + ray_number(sink->window, u, v));
+}
+
+static inline void finish(Sink *sink) {}
+
+#elif SINK == EMIT
+
+/* starts: where each ray's row begins; left: how many crossings of the ray are still to come, at
+ * first all.  rows: crossings, each as depth * 2^32 + triangle * 2 + (1 if the ray goes in). */
+#define SINK_PARAMETERS \
+    const __global ulong *starts, __global uint *left, __global long *rows
+#define MAKE_SINK(window) { window, starts, left, rows, 0 }
+typedef struct {
+    int4 window;
+    const __global ulong *starts;
+    __global uint *left;
+    __global long *rows;
+    uint side;
+} Sink;
+
+static inline void begin(Sink *sink, const ulong triangle, const bool flipped)
+{
+    sink->side = (uint)triangle << 1 | flipped;
+}
+
+/* depth: fixed point in voxels, FRACTION_BITS after the point, rounded up. */
+static inline void emit(Sink *sink, const int u, const int v, const int depth)
+{
+    const ulong ray = ray_number(sink->window, u, v);
+    const ulong at = sink->starts[ray] + (atomic_dec(sink->left + ray) - 1);
+    sink->rows[at] = (long)((ulong)(uint)depth << 32 | sink->side);
 }
 
 static inline void finish(Sink *sink) {}
@@ -56,8 +98,9 @@ static inline void finish(Sink *sink) {}
 
 /* Rays along y: u is z and v is x.  The bit flipped is that of the first voxel after the crossing.
  * voxels: bits, rows padded to words.  beyond: a bit per ray, (z, x), for crossings past the end. */
-#define SINK_PARAMETERS const int depth, __global uint *voxels, __global uint *beyond
-#define MAKE_SINK(rays) { depth, ((rays).y + 31) / 32, voxels, beyond, voxels, 0 }
+#define SINK_PARAMETERS \
+    const int depth, const int row_words, __global uint *voxels, __global uint *beyond
+#define MAKE_SINK(window) { depth, row_words, voxels, beyond, voxels, 0 }
 typedef struct {
     int depth, row_words;
     __global uint *voxels;
@@ -88,7 +131,7 @@ static inline void cross(Sink *sink, const int u, const int v, const int slot)
 #define SINK_PARAMETERS \
     const int4 columns, TREE_PARAMETERS, \
     __global uint *bricks, __global uint *exits, __global uint *entry, __global uint *beyond
-#define MAKE_SINK(rays) \
+#define MAKE_SINK(window) \
     { TREE, columns, bricks, exits, entry, beyond, (int4)(-1), NO_BRICK, bricks, 0 }
 typedef struct {
     Tree tree;
@@ -138,5 +181,9 @@ static inline void cross(Sink *sink, const int u, const int v, const int slot)
     flip(sink, face + ray / 32, 1u << (ray % 32));
 }
 
+#endif
+
+#if SINK != EMIT
+static inline void begin(Sink *sink, const ulong triangle, const bool flipped) {}
 #endif
 #endif

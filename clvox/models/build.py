@@ -6,7 +6,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, Literal, TypeAlias, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -19,9 +19,16 @@ from clvox.mesh import MeshLike, Surface, check
 from clvox.models.levels import Levels, fill_box, resolve_levels
 from clvox.models.voxels import Report, VoxelModel
 from clvox.ops import boundary, crossings, dense
+from clvox.ops import fill as fills
 from clvox.ops.facets import Facets, Progress, upload_facets
-from clvox.ops.layout import Bricks, VoxelArrays, cell_shape, words_for
+from clvox.ops.fill import Winding
+from clvox.ops.layout import Bricks, Cells, VoxelArrays, cell_shape, words_for
 from clvox.ops.multilevel import carry, rank_cells
+
+Fill: TypeAlias = Literal["parity", "nonzero", "positive", "surface"]
+"""What is inside: see `voxelize`."""
+
+_WINDINGS = {"nonzero": Winding.NONZERO, "positive": Winding.POSITIVE}
 
 
 def voxelize(
@@ -31,22 +38,22 @@ def voxelize(
     pitch: ArrayLike | None = None,
     grid: Grid | None = None,
     levels: Levels | None = None,
+    fill: Fill = "parity",
     lattice_bits: int | None = None,
     device: DeviceLike = None,
     progress: bool | Progress | None = None,
 ) -> VoxelModel:
-    """Return the voxels whose samples lie inside a closed mesh.
+    """Return the voxels whose samples lie inside a mesh.
 
     The sample of a voxel is its centre, moved by an infinitesimal that breaks all ties, so that
     a centre exactly on a surface is in or out by rule and never by rounding.  The answer is exact
     for the mesh with its vertices moved to the lattice (by at most half a lattice step, see
-    `Lattice.step`), and the same bits on every device.  Where bodies overlap, an odd number of
-    them is inside (parity).
+    `Lattice.step`), and the same bits on every device.
 
     Parameters
     ----------
     mesh : trimesh.Trimesh, path, or (vertices, faces)
-        Closed: every edge belongs to an even number of triangles.
+        Closed: every edge belongs to an even number of triangles; see *fill* for others.
     resolution, pitch
         As for `Grid.fit`: voxels along the longest side of the mesh, or width of a voxel.
     grid : Grid
@@ -57,6 +64,14 @@ def voxelize(
         them, 1 to 64 along a side; a third entry divides those once more.  One entry alone, the
         grid's shape, asks for a dense grid of bits.  By default cells of 8 x 8 x 8 voxels, and
         once those would number more than 2**27, cells of 8 x 8 x 8 of such cells.
+    fill : "parity", "nonzero", "positive" or "surface"
+        What is inside where bodies overlap or lie within one another.  "parity": what an odd
+        number of surfaces encloses.  "nonzero": what any body encloses, so overlapping bodies
+        are united and nested ones filled, whichever way they are turned; but bodies turned
+        oppositely cancel where they overlap, so that a void stays empty if it is turned inwards.
+        "positive": what more bodies enclose whose triangles face outwards than inwards.
+        "surface": no inside, but every voxel that a triangle touches, of any mesh, open or not.
+        "nonzero" and "positive" need an oriented mesh, each edge used equally often both ways.
     lattice_bits : int, optional
         Steps of the lattice in a voxel, as a power of two from 7 to 14; by default as many as
         fit.  Models that are to be combined share it.
@@ -73,12 +88,14 @@ def voxelize(
     Raises
     ------
     NotClosedError
-        An edge belongs to an odd number of triangles.
+        An edge belongs to an odd number of triangles, and *fill* is not "surface".
+    NotOrientedError
+        An edge is used more often one way than the other, and *fill* is "nonzero" or "positive".
     MeshError
         No triangles, a vertex that is not finite, or no extent along some axis.
     GridError
         The grid's numbers make no sense, do not agree with *levels*, or mesh and grid together
-        span more voxels than the lattice can tell apart.
+        span more voxels than the lattice can tell apart; or there is no such *fill*.
     DeviceError, OutOfMemoryError
         There is no such device, or it has no room.
 
@@ -95,8 +112,13 @@ def voxelize(
     >>> bool(model.contains([[0.0, 0.0, 0.0]])[0])
     True
     """
+    if fill not in get_args(Fill):
+        raise GridError(f"fill must be one of {', '.join(map(repr, get_args(Fill)))}, got {fill!r}")
     surface = check(mesh)
-    surface.require_closed()
+    if fill in _WINDINGS:
+        surface.require_oriented()
+    elif fill == "parity":
+        surface.require_closed()
     if grid is None and resolution is None and pitch is None and levels is not None:
         grid = fill_box(surface.bounds, levels)
     elif [grid is None, resolution is None, pitch is None].count(False) != 1:
@@ -110,7 +132,7 @@ def voxelize(
     lattice = Lattice.fit(grid, surface.bounds, bits=lattice_bits)
     session = open_session(device)
     with _told(2 * len(surface.faces), progress=progress) as tell:
-        return _build(session, surface, lattice, shapes, tell)
+        return _build(session, surface, lattice, shapes, fill, tell)
 
 
 def count_crossings(
@@ -192,6 +214,7 @@ def _build(
     surface: Surface,
     lattice: Lattice,
     levels: tuple[Shape, ...],
+    fill: Fill,
     tell: Progress | None,
 ) -> VoxelModel:
     session.reset_peak()
@@ -201,8 +224,15 @@ def _build(
     with stages.stage("upload"):
         facets = upload_facets(session, vertices, surface.faces)
         collapsed = boundary.count_flat(session, facets)
-    build = _build_dense if len(levels) == 1 else _build_bricks
-    arrays, odd_rays, disagreements = build(session, facets, lattice, levels, stages, tell)
+    odd_rays = disagreements = 0
+    if fill == "surface":
+        arrays = _build_surface(session, facets, lattice, levels, stages, tell)
+    else:
+        build = _build_dense if len(levels) == 1 else _build_bricks
+        winding = _WINDINGS.get(fill)
+        arrays, odd_rays, disagreements = build(
+            session, facets, lattice, levels, winding, stages, tell
+        )
     warnings = list(surface.warnings)
     if odd_rays or disagreements:
         warnings.append(
@@ -211,6 +241,7 @@ def _build(
         )
     report = Report(
         device=str(session.device),
+        fill=fill,
         seconds=stages.seconds,
         triangles=len(surface.faces),
         repeated=surface.repeated,
@@ -230,9 +261,86 @@ def _build_bricks(
     facets: Facets,
     lattice: Lattice,
     levels: tuple[Shape, ...],
+    winding: Winding | None,
     stages: _Stages,
     tell: Progress | None,
 ) -> tuple[VoxelArrays, int, int]:
+    shape = lattice.grid.shape
+    cells = _mark_cells(session, facets, lattice, levels, stages, tell)
+    with stages.stage("clear"):
+        bricks = Bricks.cleared(session, cells)
+    with stages.stage("flip"):
+        part = _part(tell, 1)
+        if winding is None:
+            crossings.flip_bricks(session, facets, lattice.bits, cells, bricks, progress=part)
+        else:
+            fills.flip_bricks(session, facets, lattice.bits, cells, winding, bricks, progress=part)
+    with stages.stage("carry"):
+        solid = carry(session, cells, bricks, shape)
+    arrays = VoxelArrays(shape, bricks.voxels, cells, solid.inside, solid.middle_inside)
+    return arrays, solid.odd_rays, solid.disagreements
+
+
+def _build_dense(
+    session: Session,
+    facets: Facets,
+    lattice: Lattice,
+    levels: tuple[Shape, ...],
+    winding: Winding | None,
+    stages: _Stages,
+    tell: Progress | None,
+) -> tuple[VoxelArrays, int, int]:
+    (shape,) = levels
+    nx, ny, nz = shape
+    with stages.stage("clear"):
+        voxels = session.zeros((nz, ny, words_for(nx)), np.uint32)
+        beyond = session.zeros((nz, words_for(nx)), np.uint32)
+    with stages.stage("flip"):
+        target, part = (voxels, beyond), _part(tell, 1)
+        if winding is None:
+            crossings.flip_dense(session, facets, lattice.bits, shape, *target, progress=part)
+        else:
+            fills.flip_dense(session, facets, lattice.bits, shape, winding, *target, progress=part)
+    with stages.stage("carry"):
+        odd_rays = dense.fill(session, voxels, beyond)
+    return VoxelArrays(shape, voxels), odd_rays, 0
+
+
+def _build_surface(
+    session: Session,
+    facets: Facets,
+    lattice: Lattice,
+    levels: tuple[Shape, ...],
+    stages: _Stages,
+    tell: Progress | None,
+) -> VoxelArrays:
+    """The touched voxels: marks are all there is to it."""
+    shape = lattice.grid.shape
+    if len(levels) == 1:
+        with stages.stage("mark"):
+            marks = boundary.mark_cells(
+                session, facets, lattice.bits, shape, (1, 1, 1), progress=_part(tell, 1)
+            )
+        return VoxelArrays(shape, marks)
+    cells = _mark_cells(session, facets, lattice, levels, stages, tell)
+    with stages.stage("flip"):
+        voxels = boundary.mark_voxels(
+            session, facets, lattice.bits, shape, cells, progress=_part(tell, 1)
+        )
+    inside = session.zeros(cells.boundary.shape, np.uint32)
+    middle = session.zeros(cells.finer.boundary.shape, np.uint32) if cells.finer else None
+    return VoxelArrays(shape, voxels, cells, inside, middle)
+
+
+def _mark_cells(
+    session: Session,
+    facets: Facets,
+    lattice: Lattice,
+    levels: tuple[Shape, ...],
+    stages: _Stages,
+    tell: Progress | None,
+) -> Cells:
+    """The touched cells of each level above the voxels."""
     shape = lattice.grid.shape
     sides = levels[1] if len(levels) == 2 else _product(levels[1], levels[2])
     with stages.stage("mark"):
@@ -250,36 +358,7 @@ def _build_bricks(
         with stages.stage("rank"):
             finer = rank_cells(session, marks, counts, levels[2])
         cells = replace(cells, finer=finer)
-    with stages.stage("clear"):
-        bricks = Bricks.cleared(session, cells)
-    with stages.stage("flip"):
-        crossings.flip_bricks(session, facets, lattice.bits, cells, bricks, progress=_part(tell, 1))
-    with stages.stage("carry"):
-        solid = carry(session, cells, bricks, shape)
-    arrays = VoxelArrays(shape, bricks.voxels, cells, solid.inside, solid.middle_inside)
-    return arrays, solid.odd_rays, solid.disagreements
-
-
-def _build_dense(
-    session: Session,
-    facets: Facets,
-    lattice: Lattice,
-    levels: tuple[Shape, ...],
-    stages: _Stages,
-    tell: Progress | None,
-) -> tuple[VoxelArrays, int, int]:
-    (shape,) = levels
-    nx, ny, nz = shape
-    with stages.stage("clear"):
-        voxels = session.zeros((nz, ny, words_for(nx)), np.uint32)
-        beyond = session.zeros((nz, words_for(nx)), np.uint32)
-    with stages.stage("flip"):
-        crossings.flip_dense(
-            session, facets, lattice.bits, shape, voxels, beyond, progress=_part(tell, 1)
-        )
-    with stages.stage("carry"):
-        odd_rays = dense.fill(session, voxels, beyond)
-    return VoxelArrays(shape, voxels), odd_rays, 0
+    return cells
 
 
 def _product(a: Shape, b: Shape) -> Shape:

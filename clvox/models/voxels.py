@@ -46,6 +46,8 @@ class Report:
     Attributes
     ----------
     device : str
+    fill : str
+        The rule that says what is inside, see `voxelize`; "" for a model made of others.
     seconds : dict
         Seconds per stage: snap, upload, mark, rank, clear, flip, carry.
     triangles : int
@@ -64,6 +66,7 @@ class Report:
     """
 
     device: str
+    fill: str = ""
     seconds: dict[str, float] = field(default_factory=dict)
     triangles: int = 0
     repeated: int = 0

@@ -2,22 +2,72 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple, cast
+
 import numpy as np
 import pyopencl.array as cla
+from pyopencl import cltypes
 
 from clvox.device import Session
 from clvox.grid import Shape
 from clvox.ops.facets import Facets, Progress, visit_facets
-from clvox.ops.layout import Bricks, Cells, int2, int4
+from clvox.ops.layout import Bricks, Cells, int4, words_for
 
 _FILE = "crossings/cast_rays.cl"
-_COUNT, _DENSE, _BRICKS = 0, 1, 2
+_COUNT, _DENSE, _BRICKS, _EMIT = 0, 1, 2, 3
 
 DIRECT = 256
 """Most candidate rays of a triangle that one work-item does alone."""
 
 TILE = 32
 """Side of a tile of rays."""
+
+
+def fraction_bits(bits: int) -> int:
+    """Binary places of a stored depth on a lattice of 2**bits steps in a voxel.
+
+    A mesh spans at most 2**(24 - bits) voxels, so that depths fit 32 bits.
+    """
+    return min(18, bits + 7)
+
+
+class Window(NamedTuple):
+    """The rays (u, v) with first <= u < stop, and v alike; (y, z), (z, x), (x, y) along x, y, z."""
+
+    first_u: int
+    first_v: int
+    stop_u: int
+    stop_v: int
+
+    @classmethod
+    def whole(cls, shape: Shape, axis: int) -> Window:
+        """All rays along *axis* of a grid of *shape* voxels."""
+        return cls(0, 0, shape[(axis + 1) % 3], shape[(axis + 2) % 3])
+
+    @property
+    def sides(self) -> tuple[int, int]:
+        """Rays along u and v."""
+        return self.stop_u - self.first_u, self.stop_v - self.first_v
+
+    @property
+    def rays(self) -> int:
+        """Number of rays."""
+        along_u, along_v = self.sides
+        return along_u * along_v
+
+    @property
+    def box(self) -> np.generic:
+        """The first and the last ray, as a kernel takes them."""
+        corners = self.first_u, self.first_v, self.stop_u - 1, self.stop_v - 1
+        return cast("np.generic", np.array(corners, cltypes.int4)[()])
+
+    def halves(self) -> tuple[Window, Window]:
+        """The window cut in two across u, or across v if it is one ray wide."""
+        if self.sides[0] > 1:
+            middle = (self.first_u + self.stop_u) // 2
+            return self._replace(stop_u=middle), self._replace(first_u=middle)
+        middle = (self.first_v + self.stop_v) // 2
+        return self._replace(stop_v=middle), self._replace(first_v=middle)
 
 
 def count_crossings(
@@ -34,12 +84,53 @@ def count_crossings(
 
     shape: voxels (nx, ny, nz).  The result is uint32, of the grid's array shape without *axis*.
     """
-    rays_u, rays_v = shape[(axis + 1) % 3], shape[(axis + 2) % 3]
+    window = Window.whole(shape, axis)
+    rays_u, rays_v = window.sides
     counts = session.zeros((rays_u, rays_v) if axis == 1 else (rays_v, rays_u), np.uint32)
-    defines = {"AXIS": axis, "STEP_BITS": bits, "SINK": _COUNT, "DIRECT": direct, "TILE": tile}
-    rays = int2(rays_u, rays_v)
-    visit_facets(session, _FILE, "cast", facets, rays, (counts,), defines)
+    add_counts(session, facets, bits, axis, window, counts, direct=direct, tile=tile)
     return counts
+
+
+def add_counts(
+    session: Session,
+    facets: Facets,
+    bits: int,
+    axis: int,
+    window: Window,
+    counts: cla.Array,
+    *,
+    direct: int = DIRECT,
+    tile: int = TILE,
+) -> None:
+    """Add to *counts*, uint32, how many triangles each ray of *window* crosses.
+
+    Rays are numbered along x before y before z.
+    """
+    defines = {"AXIS": axis, "STEP_BITS": bits, "SINK": _COUNT, "DIRECT": direct, "TILE": tile}
+    visit_facets(session, _FILE, "cast", facets, window.box, (counts,), defines)
+
+
+def emit_crossings(
+    session: Session,
+    facets: Facets,
+    bits: int,
+    axis: int,
+    window: Window,
+    offsets: cla.Array,
+    counts: cla.Array,
+    rows: cla.Array,
+    *,
+    direct: int = DIRECT,
+    tile: int = TILE,
+) -> None:
+    """Write the crossings of each ray of *window* to its row, in no particular order.
+
+    offsets: (rays + 1,) uint64, where the rows begin; counts: as from `add_counts`, zero on return;
+    rows: int64, crossings as `clvox.ops.lists.Rows` describes them.
+    """
+    defines = {"AXIS": axis, "STEP_BITS": bits, "SINK": _EMIT, "DIRECT": direct, "TILE": tile}
+    defines["FRACTION_BITS"] = fraction_bits(bits)
+    visit_facets(session, _FILE, "cast", facets, window.box, (offsets, counts, rows), defines)
 
 
 def flip_dense(
@@ -59,11 +150,11 @@ def flip_dense(
     voxels: (nz, ny, words) uint32, rows of bits.
     beyond: (nz, words) uint32, flipped for crossings past the last sample.
     """
-    nx, ny, nz = shape
+    nx, ny, _ = shape
     defines = {"AXIS": 1, "STEP_BITS": bits, "SINK": _DENSE, "DIRECT": direct, "TILE": tile}
-    sink = np.int32(ny), voxels, beyond
-    rays = int2(nz, nx)
-    visit_facets(session, _FILE, "cast", facets, rays, sink, defines, progress)
+    sink = np.int32(ny), np.int32(words_for(nx)), voxels, beyond
+    window = Window.whole(shape, 1)
+    visit_facets(session, _FILE, "cast", facets, window.box, sink, defines, progress)
 
 
 def flip_bricks(
@@ -82,9 +173,8 @@ def flip_bricks(
     Crossings that no brick can hold go to `bricks.entry`, `bricks.beyond` and `bricks.exits`.
     Rays of the padding are cast like all others.
     """
-    last = cells.last
     defines = {"AXIS": 1, "STEP_BITS": bits, "SINK": _BRICKS, "DIRECT": direct, "TILE": tile}
-    columns = int4(last.shape), *cells.tree
+    columns = int4(cells.last.shape), *cells.tree
     sink = *columns, bricks.voxels, bricks.exits, bricks.entry, bricks.beyond
-    rays = int2(last.shape[2] * last.brick[2], last.shape[0] * last.brick[0])
-    visit_facets(session, _FILE, "cast", facets, rays, sink, defines | cells.defines, progress)
+    box = Window.whole(cells.last.padded, 1).box
+    visit_facets(session, _FILE, "cast", facets, box, sink, defines | cells.defines, progress)

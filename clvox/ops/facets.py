@@ -59,8 +59,8 @@ def visit_facets(
 
     Parameters
     ----------
-    space : int2 or int4
-        The number of rays, or of cells, along each axis.
+    space : int4
+        The first and the last ray, or the number of cells along each axis.
     sink : tuple
         What the kernels take after the mesh: their outputs, above all.
     defines : dict

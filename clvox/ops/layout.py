@@ -59,6 +59,12 @@ class Cells:
         return (self.shape, self.brick, *([self.finer.brick] if self.finer else []))
 
     @property
+    def padded(self) -> Shape:
+        """Cells of the next level, or voxels, along each axis, those of the padding included."""
+        x, y, z = (count * side for count, side in zip(self.shape, self.brick, strict=True))
+        return x, y, z
+
+    @property
     def tree(self) -> tuple[Argument, ...]:
         """TREE_PARAMETERS of `common/bricks.h`."""
         finer = (self.finer.boundary, self.finer.rank) if self.finer else ()

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from clvox.device.source import read_source
 from clvox.grid import Axis, Grid, Lattice, Shape
-from clvox.ops.crossings import count_crossings, flip_bricks, flip_dense
+from clvox.ops.crossings import Window, count_crossings, flip_bricks, flip_dense
 from clvox.ops.facets import RUN
-from clvox.ops.layout import Bricks, Cells, cell_shape, int2, words_for
+from clvox.ops.layout import Bricks, Cells, cell_shape, words_for
 from clvox.ops.multilevel import rank_cells
 from clvox.reference import crossings as twin
 from clvox.reference.boundary import touched
@@ -183,7 +183,7 @@ def test_brick_flips_equal_the_twin(session: Session, case: Case, brick: Shape) 
 # A sink of the tests' own, for rays along any axis: how many crossings have each slot.
 SLOTS = """
 #define SINK_PARAMETERS const int depth, __global uint *slots
-#define MAKE_SINK(rays) { (rays).y, depth, slots }
+#define MAKE_SINK(window) { (window).w + 1, depth, slots }
 typedef struct {
     int rays_v, depth;
     __global uint *slots;
@@ -210,7 +210,7 @@ def test_slots_along_every_axis_equal_the_twin(
     """And so rays along x, y and z give the same voxels."""
     at = twin.AXES[axis]
     rays_u, rays_v, depth = shape[(at + 1) % 3], shape[(at + 2) % 3], shape[at]
-    defines = {"AXIS": at, "STEP_BITS": bits, "SINK": 3, "DIRECT": 1 << 30, "TILE": 1}
+    defines = {"AXIS": at, "STEP_BITS": bits, "SINK": -1, "DIRECT": 1 << 30, "TILE": 1}
     defines |= {"EDGE_BITS": edge, "RUN": 1}
     source = SLOTS + read_source("crossings/cast_rays.cl")
     kernel = build(session, source, "cast_direct", **defines)
@@ -220,7 +220,7 @@ def test_slots_along_every_axis_equal_the_twin(
         slots = session.zeros((rays_u, rays_v, depth + 1), np.uint32)
         listed = session.zeros(1, np.uint32)
         session.run(
-            *(kernel, int(triangles), np.uint64(0), triangles, int2(rays_u, rays_v)),
+            *(kernel, int(triangles), np.uint64(0), triangles, Window.whole(shape, at).box),
             *(facets.faces, facets.vertices, listed, listed, np.int32(depth), slots),
         )
         if listed.get()[0]:

@@ -1,0 +1,122 @@
+"""Flipped bits by winding number, into a dense grid or bricks: `cl_kernels/fill`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from enum import IntEnum
+
+import numpy as np
+import pyopencl.array as cla
+
+from clvox.device import Session
+from clvox.device.session import Argument
+from clvox.grid import Shape
+from clvox.ops.crossings import Window, fraction_bits
+from clvox.ops.facets import Facets, Progress
+from clvox.ops.layout import Bricks, Cells, int4, words_for
+from clvox.ops.lists import Rows, sort_crossings
+
+_FILE = "fill/flip_rule.cl"
+_DENSE, _BRICKS = 1, 2
+
+LIST_BYTES = 1 << 28
+"""About how much of the lists is on the device at once."""
+
+_BYTES_PER_ENTRY = 32
+# A ray takes 4 + 8 bytes, a crossing 8, and 8 more while a long row is sorted; both together are
+# within the budget if either is within half of it.
+
+
+class Winding(IntEnum):
+    """Which winding numbers are inside: RULE of `fill/flip_rule.cl`."""
+
+    NONZERO = 0
+    POSITIVE = 1
+
+
+def flip_dense(
+    session: Session,
+    facets: Facets,
+    bits: int,
+    shape: Shape,
+    rule: Winding,
+    voxels: cla.Array,
+    beyond: cla.Array,
+    *,
+    progress: Progress | None = None,
+    list_bytes: int = LIST_BYTES,
+) -> None:
+    """Flip, wherever *rule* begins or ceases to hold on a ray along y, the bit of the next voxel.
+
+    The arrays are those of `clvox.ops.crossings.flip_dense`.
+    """
+    sink = np.int32(shape[1]), np.int32(words_for(shape[0])), voxels, beyond
+    defines = {"SINK": _DENSE}
+    _flip(session, facets, bits, shape, rule, sink, defines, progress, list_bytes)
+
+
+def flip_bricks(
+    session: Session,
+    facets: Facets,
+    bits: int,
+    cells: Cells,
+    rule: Winding,
+    bricks: Bricks,
+    *,
+    progress: Progress | None = None,
+    list_bytes: int = LIST_BYTES,
+) -> None:
+    """Flip, wherever *rule* begins or ceases to hold on a ray along y, the bit of the next voxel.
+
+    The arrays are those of `clvox.ops.crossings.flip_bricks`.
+    """
+    columns = int4(cells.last.shape), *cells.tree
+    sink = *columns, bricks.voxels, bricks.exits, bricks.entry, bricks.beyond
+    defines = {"SINK": _BRICKS, **cells.defines}
+    _flip(session, facets, bits, cells.last.padded, rule, sink, defines, progress, list_bytes)
+
+
+def _flip(
+    session: Session,
+    facets: Facets,
+    bits: int,
+    shape: Shape,
+    rule: Winding,
+    sink: tuple[Argument, ...],
+    defines: dict[str, int],
+    progress: Progress | None,
+    list_bytes: int,
+) -> None:
+    kernel = session.kernel(
+        _FILE, "flip_rule", RULE=int(rule), FRACTION_BITS=fraction_bits(bits), **defines
+    )
+    window = Window.whole(shape, 1)
+    done, triangles = 0, facets.faces.shape[0]
+    for rows in _slabs(session, facets, bits, window, list_bytes):
+        rays = rows.window.rays
+        session.run(kernel, rays, rows.window.box, rows.offsets, rows.crossings, *sink)
+        done += rays
+        if progress is not None:
+            session.finish()
+            progress(triangles * done // window.rays, triangles)
+
+
+def _slabs(
+    session: Session, facets: Facets, bits: int, whole: Window, list_bytes: int
+) -> Iterator[Rows]:
+    """The crossings of all rays along y, as many rays at a time as the budget allows.
+
+    One ray alone is listed whatever it takes.
+    """
+    most = list_bytes // _BYTES_PER_ENTRY
+    waiting = [whole]
+    while waiting:
+        window = waiting.pop()
+        rows = None
+        if window.rays == 1 or window.rays <= most:
+            limit = None if window.rays == 1 else most
+            rows = sort_crossings(session, facets, bits, 1, window, limit)
+        if rows is None:
+            waiting += reversed(window.halves())
+        else:
+            yield rows

@@ -1,0 +1,169 @@
+"""The crossings of each ray as a list, in order: `cl_kernels/lists`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+import pyopencl.array as cla
+from numpy.typing import NDArray
+
+from clvox.device import Session
+from clvox.grid import Shape
+from clvox.ops import crossings
+from clvox.ops.crossings import Window, fraction_bits
+from clvox.ops.facets import Facets
+from clvox.ops.scan import prefix_sum
+
+SHORT = 32
+"""Longest row that one work-item sorts."""
+
+CROSSINGS_PER_LAUNCH = 1 << 22
+
+
+class Rows(NamedTuple):
+    """The crossings of the rays of a window, as they are sorted.
+
+    window: the rays, along x, y or z; ray (u, v) has the number v * (rays along u) + u along x
+    and z, and u * (rays along v) + v along y.
+    offsets: (rays + 1,) uint64, where each ray's crossings begin.
+    crossings: int64, depth * 2**32 + triangle * 2 + (1 if the ray goes in); depth is fixed point in
+    voxels, rounded up.  There may be more entries than crossings.
+    """
+
+    window: Window
+    offsets: cla.Array
+    crossings: cla.Array
+
+
+@dataclass(frozen=True)
+class CrossingLists:
+    """The crossings of every ray of a grid along one axis, on the device, in order.
+
+    Attributes
+    ----------
+    offsets : (rays + 1,) uint64
+        Where the crossings of each ray begin.  Rays are numbered through the grid's array shape
+        without the axis along them.
+    depth : (n,) int32
+        Fixed point in voxels, `fraction_bits` after the point, rounded up; 0 is the centre of
+        voxel 0.  So the slot is ``ceil(depth / 2**fraction_bits)``.
+    side : (n,) int32
+        ``triangle * 2 + (1 if the ray goes in)``.
+    fraction_bits : int
+
+    Crossings of a ray are ordered by depth, then by triangle; those of equal depth act together.
+    """
+
+    offsets: cla.Array
+    depth: cla.Array
+    side: cla.Array
+    fraction_bits: int
+
+    @property
+    def count(self) -> int:
+        """Number of crossings."""
+        return int(self.depth.size)
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes on the device."""
+        return int(self.offsets.nbytes + self.depth.nbytes + self.side.nbytes)
+
+    def triangle(self) -> NDArray[np.int32]:
+        """Return the triangle of each crossing, on the host."""
+        sides: NDArray[np.int32] = self.side.get()
+        return (sides.view(np.uint32) >> 1).astype(np.int32)
+
+    def sign(self) -> NDArray[np.int32]:
+        """Return +1 where the ray goes in and -1 where it goes out, on the host."""
+        sides: NDArray[np.int32] = self.side.get()
+        return 2 * (sides & 1) - 1
+
+
+def list_crossings(
+    session: Session,
+    facets: Facets,
+    bits: int,
+    shape: Shape,
+    axis: int,
+    *,
+    direct: int = crossings.DIRECT,
+    tile: int = crossings.TILE,
+    short: int = SHORT,
+) -> CrossingLists:
+    """Return the crossings of every ray along *axis* of a grid of *shape* voxels."""
+    window = Window.whole(shape, axis)
+    rows = sort_crossings(
+        session, facets, bits, axis, window, direct=direct, tile=tile, short=short
+    )
+    assert rows is not None
+    count = rows.crossings.size
+    depth, side = session.empty(count, np.int32), session.empty(count, np.int32)
+    kernel = session.kernel("lists/split_rows.cl", "split_rows")
+    for first in range(0, count, CROSSINGS_PER_LAUNCH):
+        last = min(first + CROSSINGS_PER_LAUNCH, count)
+        span = np.uint64(first), np.uint64(last)
+        session.run(kernel, last - first, *span, rows.crossings, depth, side)
+    return CrossingLists(rows.offsets, depth, side, fraction_bits(bits))
+
+
+def sort_crossings(
+    session: Session,
+    facets: Facets,
+    bits: int,
+    axis: int,
+    window: Window,
+    most: int | None = None,
+    *,
+    direct: int = crossings.DIRECT,
+    tile: int = crossings.TILE,
+    short: int = SHORT,
+) -> Rows | None:
+    """Return the crossings of the rays of *window* in order; None if there are more than *most*.
+
+    Two passes over the triangles: one counts, one writes.
+    """
+    # One count more than there are rays, so that the last offset is the end of the last row.
+    counts = session.zeros(window.rays + 1, np.uint32)
+    crossings.add_counts(session, facets, bits, axis, window, counts, direct=direct, tile=tile)
+    offsets, total = prefix_sum(session, counts, bits=64)
+    if most is not None and total > most:
+        return None
+    rows = session.empty(total, np.int64)
+    if total:
+        crossings.emit_crossings(
+            session, facets, bits, axis, window, offsets, counts, rows, direct=direct, tile=tile
+        )
+        sort_rows(session, offsets, rows, short=short)
+    return Rows(window, offsets, rows)
+
+
+def sort_rows(session: Session, offsets: cla.Array, rows: cla.Array, *, short: int = SHORT) -> None:
+    """Sort each row of *rows*, int64, in place; offsets: (rows + 1,) uint64."""
+    rays = offsets.size - 1
+    room = max(1, min(rays, rows.size // (short + 1)))
+    found = session.zeros(2, np.uint32)
+    listed = session.empty(room, np.uint64)
+    lengths = session.empty(room, np.uint32)
+    kernel = session.kernel("lists/sort_rows.cl", "sort_short", SHORT=short)
+    session.run(kernel, rays, np.uint64(rays), offsets, rows, found, listed, lengths)
+    entries, longest = found.get().tolist()
+    if not entries:
+        return
+    starts, total = prefix_sum(session, lengths[:entries], bits=64)
+    scratch = session.empty(total, np.int64)
+    kernel = session.kernel("lists/sort_rows.cl", "merge_runs", SHORT=short)
+    # An even number of passes, so that the last one writes where the first one read.
+    passes = (longest - 1).bit_length()
+    for number in range(passes + passes % 2):
+        forth = np.int32(number % 2 == 0)
+        for first in range(0, total, CROSSINGS_PER_LAUNCH):
+            last = min(first + CROSSINGS_PER_LAUNCH, total)
+            session.run(
+                kernel,
+                last - first,
+                *(np.uint64(first), np.uint64(last), np.uint32(entries), forth),
+                *(np.uint32(1 << number), offsets, listed, starts, rows, scratch),
+            )

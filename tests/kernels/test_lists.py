@@ -1,0 +1,179 @@
+"""Each ray's crossings are listed in order, and are those of the twin, bit for bit."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from clvox.grid import Axis, Shape
+from clvox.ops.crossings import Window, fraction_bits
+from clvox.ops.facets import Facets, upload_facets
+from clvox.ops.lists import CrossingLists, list_crossings, sort_crossings, sort_rows
+from clvox.reference import lists as twin
+from clvox.reference.crossings import AXES, crossings
+from tests.kernels.cases import INTERPRETED
+from tests.strategies import BOX, FAMILIES, Mesh, adversarial_meshes, closed_meshes, join
+
+if TYPE_CHECKING:
+    from clvox.device import Session
+
+SHAPE: Shape = (6, 5, 4)
+MESHES = {bits: closed_meshes(bits, SHAPE) for bits in (7, 14)}
+
+every_axis = pytest.mark.parametrize("axis", AXES)
+
+
+def upload(session: Session, mesh: Mesh) -> Facets:
+    return upload_facets(session, mesh[0].astype(np.int32), mesh[1])
+
+
+def box(low: tuple[int, ...], high: tuple[int, ...], bits: int) -> Mesh:
+    """A box between two voxel centres."""
+    ends = np.array([low, high], dtype=np.int64) << bits
+    corners = [[ends[i >> axis & 1][axis] for axis in range(3)] for i in range(8)]
+    return np.array(corners), BOX
+
+
+def assert_same(found: CrossingLists, expected: twin.Lists) -> None:
+    np.testing.assert_array_equal(found.offsets.get(), expected.offsets)
+    np.testing.assert_array_equal(found.depth.get(), expected.depth)
+    np.testing.assert_array_equal(found.triangle(), expected.triangle)
+    np.testing.assert_array_equal(found.sign(), expected.sign)
+
+
+@every_axis
+@pytest.mark.parametrize("bits", [7, 14])
+@given(data=st.data())
+def test_lists_are_those_of_the_twin(
+    session: Session, axis: Axis, bits: int, data: st.DataObject
+) -> None:
+    mesh = data.draw(MESHES[bits])
+    found = list_crossings(session, upload(session, mesh), bits, SHAPE, AXES[axis])
+    assert_same(found, twin.list_crossings(*mesh, bits, SHAPE, axis, fraction_bits(bits)))
+
+
+@every_axis
+@pytest.mark.parametrize("family", FAMILIES)
+def test_lists_are_those_of_the_twin_on_every_lattice(
+    session: Session, axis: Axis, family: str
+) -> None:
+    for bits in (11,) if INTERPRETED else (7, 10, 11, 14):
+        (mesh,) = adversarial_meshes(bits, 1, bits, SHAPE, families=[family])
+        found = list_crossings(session, upload(session, mesh), bits, SHAPE, AXES[axis])
+        assert_same(found, twin.list_crossings(*mesh, bits, SHAPE, axis, found.fraction_bits))
+
+
+def test_depths_of_the_widest_meshes_keep_18_places_up_to_8192_voxels() -> None:
+    assert [fraction_bits(bits) for bits in (7, 10, 11, 14)] == [14, 17, 18, 18]
+
+
+@every_axis
+def test_depths_rounded_up_to_voxels_are_the_slots(session: Session, axis: Axis) -> None:
+    for mesh in adversarial_meshes(5, 3 if INTERPRETED else 15, 9, SHAPE):
+        found = list_crossings(session, upload(session, mesh), 9, SHAPE, AXES[axis])
+        slots = -(-found.depth.get().astype(np.int64) >> found.fraction_bits)
+        true = {(c.triangle, c.u, c.v): c.slot for c in crossings(*mesh, 9, SHAPE, axis)}
+        width = next(count for a, count in enumerate(SHAPE) if a != AXES[axis])
+        rays = np.repeat(
+            np.arange(found.offsets.size - 1), np.diff(found.offsets.get()).astype(int)
+        )
+        keys = zip(found.triangle().tolist(), rays % width, rays // width, strict=True)
+        assert [true.pop((t, int(u), int(v))) for t, u, v in keys] == slots.tolist()
+        assert not true
+
+
+def test_touching_boxes_meet_at_one_depth_in_the_order_of_their_triangles(session: Session) -> None:
+    low, high = box((-1, -1, -1), (9, 2, 9), 8), box((-1, 2, -1), (9, 4, 9), 8)
+    for first, second in ((low, high), (high, low)):
+        mesh = join([first, second])
+        found = list_crossings(session, upload(session, mesh), 8, (2, 5, 2), 1)
+        depth, sign = found.depth.get().reshape(4, 4), found.sign().reshape(4, 4)
+        # A centre on a lower face is in, one on an upper face is out: the slot is the centre's own.
+        np.testing.assert_array_equal(depth, [[-1 << 15, 2 << 15, 2 << 15, 4 << 15]] * 4)
+        inner = [-1, 1] if first is low else [1, -1]
+        np.testing.assert_array_equal(sign, [[1, *inner, -1]] * 4)
+
+
+def test_tiles_short_rows_and_windows_change_nothing(session: Session) -> None:
+    sizes = [(10**6, 32, 1), (1, 2, 1), (4, 3, 2)]
+    if INTERPRETED:
+        # Oclgrind's check for uninitialised values crashes in the kernel that counts tiles.
+        sizes = sizes[:1]
+    for mesh in adversarial_meshes(8, 3 if INTERPRETED else 15, 9, SHAPE):
+        facets = upload(session, mesh)
+        expected = twin.list_crossings(*mesh, 9, SHAPE, "y", 16)
+        for direct, tile, short in sizes:
+            found = list_crossings(
+                session, facets, 9, SHAPE, 1, direct=direct, tile=tile, short=short
+            )
+            assert_same(found, expected)
+        for window in (Window(1, 2, 3, 6), Window(3, 0, 4, 1)):
+            rows = sort_crossings(session, facets, 9, 1, window)
+            assert rows is not None
+            keys = rows.crossings.get()
+            inside = [u * 6 + v for u in range(window.first_u, window.stop_u)
+                      for v in range(window.first_v, window.stop_v)]  # fmt: skip
+            spans = [expected.offsets[ray : ray + 2].astype(int) for ray in inside]
+            places = [at for first, last in spans for at in range(first, last)]
+            np.testing.assert_array_equal(keys >> 32, expected.depth[places])
+            np.testing.assert_array_equal(keys >> 1 & 0x7FFFFFFF, expected.triangle[places])
+
+
+def test_more_crossings_than_asked_for_are_not_listed(session: Session) -> None:
+    facets = upload(session, box((-1, -1, -1), (9, 2, 9), 8))
+    window = Window.whole((2, 5, 2), 1)
+    assert sort_crossings(session, facets, 8, 1, window, 7) is None
+    assert sort_crossings(session, facets, 8, 1, window, 8) is not None
+
+
+def test_a_mesh_beside_the_grid_has_empty_lists(session: Session) -> None:
+    facets = upload(session, box((20, 20, 20), (22, 22, 22), 8))
+    found = list_crossings(session, facets, 8, SHAPE, 2)
+    assert found.count == 0
+    assert not found.offsets.get().any()
+    assert found.offsets.size == 6 * 5 + 1
+
+
+def test_a_long_row_of_a_mesh_is_in_order(session: Session) -> None:
+    """A hundred sheets in no order, pierced by few rays."""
+    order = np.random.default_rng(4).permutation(100).tolist()
+    sheets = [box((-1, at, -1), (3, at + 1, 3), 7) for at in order]
+    mesh = join(sheets)
+    shape: Shape = (2, 101, 1)
+    found = list_crossings(session, upload(session, mesh), 7, shape, 1, short=32)
+    assert_same(found, twin.list_crossings(*mesh, 7, shape, "y", 14))
+
+
+def sorted_rows(rows: list[NDArray[np.int64]]) -> list[NDArray[np.int64]]:
+    return [np.sort(row) for row in rows]
+
+
+@pytest.mark.parametrize("short", [1, 4, 32])
+@pytest.mark.parametrize("count", [1, 63, 64, 65])
+def test_rows_of_every_length_are_sorted(session: Session, short: int, count: int) -> None:
+    rng = np.random.default_rng([short, count])
+    edges = [0, 1, 2, short - 1, short, short + 1, 2 * short + 1, 63, 64, 65, 129]
+    lengths = rng.choice(edges, count)
+    lengths[-1] = 65
+    rows = [rng.permutation(rng.integers(-(2**63), 2**63, n)) for n in lengths]
+    expected = np.concatenate(sorted_rows(rows))
+    offsets = np.concatenate([[0], np.cumsum(lengths)]).astype(np.uint64)
+    held = session.upload(np.concatenate(rows))
+    sort_rows(session, session.upload(offsets), held, short=short)
+    np.testing.assert_array_equal(held.get(), expected)
+
+
+@pytest.mark.parametrize("length", [33, 127, 128, 129, 1000])
+def test_a_long_row_may_come_in_any_order(session: Session, length: int) -> None:
+    rng = np.random.default_rng(length)
+    values = np.arange(length, dtype=np.int64)
+    alike = np.zeros(length, np.int64)
+    for row in (values, values[::-1], rng.permutation(values), values // 7, alike):
+        held = session.upload(np.ascontiguousarray(row))
+        sort_rows(session, session.upload(np.array([0, 0, length], np.uint64)), held)
+        np.testing.assert_array_equal(held.get(), np.sort(row))
