@@ -3,12 +3,12 @@
  *
  * Models carry no normals, so a normal is derived from the voxels around the place where a ray
  * comes in: weighted by their distance from that place, not from a voxel's centre, so that it
- * turns smoothly from voxel to voxel.
+ * turns smoothly from voxel to voxel.  (Not run on Oclgrind, which crashes on its vectors.)
  *
  * Host:       clvox/ops/raymarch.py, shade_surface()
  * Reference:  clvox/reference/raymarch.py, first_voxels(), says where colour is; colours may differ
  *             from device to device
- * Tests:      tests/api/test_render.py; not on Oclgrind, which crashes on it
+ * Tests:      tests/api/test_render.py
  * Defines:    LEVELS, RULE, BRICK_X, BRICK_Y, BRICK_Z  (common/model.h)
  *             SIDE    samples along the side of a pixel
  *             WINDOW  voxels looked at on each side of a place
