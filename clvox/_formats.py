@@ -77,11 +77,13 @@ def _shown(token: bytes) -> str:
 def _floats(tokens: list[bytes]) -> NDArray[np.float64]:
     """The numbers that *tokens* spell; FormatError names the first that is none."""
     try:
-        numbers = np.array(list(map(float, tokens)), dtype=np.float64)
+        # Python reads 1_000 as a number; no file format does.
+        if b"_" not in b" ".join(tokens):
+            return np.array(list(map(float, tokens)), dtype=np.float64)
     except ValueError:
-        bad = next(token for token in tokens if not _is_number(token))
-        raise FormatError(f"{_shown(bad)} stands where a number should") from None
-    return numbers
+        pass
+    bad = next(token for token in tokens if not _is_number(token))
+    raise FormatError(f"{_shown(bad)} stands where a number should")
 
 
 def _is_number(token: bytes) -> bool:
@@ -89,7 +91,7 @@ def _is_number(token: bytes) -> bool:
         float(token)
     except ValueError:
         return False
-    return True
+    return b"_" not in token
 
 
 # --- STL ----------------------------------------------------------------------------------------
@@ -98,7 +100,6 @@ _STL = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute",
 _STL_HEADER = 84
 
 _STL_NAME = re.compile(rb"^[ \t]*(?:end[ \t]*)?solid\b[^\r\n]*", re.MULTILINE | re.IGNORECASE)
-_STL_END = re.compile(rb"^[ \t]*end[ \t]*solid\b[^\r\n]*\s*\Z", re.MULTILINE | re.IGNORECASE)
 _STL_WORDS = {
     0: b"facet", 1: b"normal", 5: b"outer", 6: b"loop", 7: b"vertex", 11: b"vertex",
     15: b"vertex", 19: b"endloop", 20: b"endfacet",
@@ -129,16 +130,19 @@ def _read_stl(data: bytes) -> Arrays:
 
 
 def _read_ascii_stl(text: bytes) -> Arrays:
-    if not _STL_END.search(text, max(0, len(text) - _CHUNK)):
+    if b"\n" not in text:
+        text = text.replace(b"\r", b"\n")
+    last = text[text.rstrip().rfind(b"\n") + 1 :]
+    if not _STL_NAME.match(last) or last.split()[0].lower()[:3] != b"end":
         raise FormatError("the file does not end with 'endsolid'; it was cut short")
     body = _STL_NAME.sub(b"", text).lower()
-    parts = []
+    parts: list[NDArray[np.float64]] = []
     start = 0
     while start < len(body):
         # Tokens take far more memory than text: split a piece at a time, at the end of a facet.
         stop = body.find(b"endfacet", start + _CHUNK)
         stop = len(body) if stop < 0 else stop + len(b"endfacet")
-        parts.append(_facets(body[start:stop].split(), sum(map(len, parts))))
+        parts.append(_facets(body[start:stop].split(), sum(len(part) for part in parts)))
         start = stop
     return _soup(np.concatenate(parts) if parts else np.empty((0, 3, 3)))
 
@@ -238,7 +242,8 @@ def _fans(corners: NDArray[np.int64], counts: NDArray[np.int64]) -> NDArray[np.i
     begins = np.cumsum(counts - 2) - (counts - 2)
     step = np.arange(len(polygon)) - begins[polygon]
     first = starts[polygon]
-    return corners[np.stack([first, first + step + 1, first + step + 2], axis=1)]
+    fans: NDArray[np.int64] = corners[np.stack([first, first + step + 1, first + step + 2], axis=1)]
+    return fans
 
 
 # --- PLY ----------------------------------------------------------------------------------------
@@ -250,6 +255,9 @@ _PLY_TYPES = {
 }  # fmt: skip
 _PLY_ORDERS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
 _PLY_FACES = ("vertex_indices", "vertex_index")
+_PLY_HEADER = 2**16
+"""Longest header."""
+
 _PLY_UNIFORM = 64
 """Lists up to this length are read at once, if all of them are as long as the first."""
 
@@ -357,12 +365,13 @@ def _read_ply(data: bytes) -> Arrays:
 
 def _ply_header(data: bytes) -> tuple[str, list[_Element], int]:
     """The byte order (none for ASCII), the elements, and where the body begins."""
-    match = re.match(rb"ply[ \t]*\r?\n(?:.*\n)??[ \t]*end_header[ \t]*\r?\n", data, re.DOTALL)
-    if match is None:
+    first = re.match(rb"ply[ \t]*\r?\n", data)
+    last = re.compile(rb"^end_header[ \t]*\r?\n", re.MULTILINE).search(data[:_PLY_HEADER])
+    if first is None or last is None:
         raise FormatError("no PLY file: it does not begin with 'ply' and a header")
     order: str | None = None
     elements: list[_Element] = []
-    for line in match[0].decode("latin-1").splitlines()[1:-1]:
+    for line in data[first.end() : last.start()].decode("latin-1").split("\n"):
         match line.split():
             case [] | ["comment" | "obj_info", *_]:
                 pass
@@ -382,11 +391,11 @@ def _ply_header(data: bytes) -> tuple[str, list[_Element], int]:
                 raise FormatError(f"the PLY header has a line that means nothing: {shown}")
     if order is None:
         raise FormatError("the PLY header names no format")
-    for element in elements:
-        names = [one.name for one in element.properties]
+    groups = [[one.name for one in element.properties] for element in elements]
+    for names in (*groups, [element.name for element in elements]):
         if len(set(names)) < len(names):
-            raise FormatError(f"the PLY header gives {element.name} a property twice")
-    return order, elements, match.end()
+            raise FormatError(f"the PLY header names something twice: {', '.join(names)[:60]}")
+    return order, elements, last.end()
 
 
 def _all_numbers(body: bytes) -> NDArray[np.float64]:

@@ -1,4 +1,4 @@
-"""Load a mesh and check it: is it finite, closed, oriented?
+"""Load a mesh and check whether it is finite, closed, and oriented.
 
 `load` reads a file as it is.  `check` welds the vertices, drops what encloses nothing, and counts
 how often each edge is used; everything above works on the `Surface` that comes back and asks no
@@ -105,7 +105,7 @@ class Surface:
         """
         if not self.closed:
             raise NotClosedError(
-                f"{self._open()}. A solid needs a closed surface; "
+                f"{_open(self)}. A solid needs a closed surface; "
                 "trimesh.repair.fill_holes may close it."
             )
 
@@ -122,32 +122,9 @@ class Surface:
         self.require_closed()
         if not self.oriented:
             raise NotOrientedError(
-                f"{self._mixed()}. Winding numbers need each edge used equally often both ways; "
+                f"{_mixed(self)}. Winding numbers need each edge used equally often both ways; "
                 'fill="parity" does not, trimesh.repair.fix_normals may orient it.'
             )
-
-    def _open(self) -> str:
-        edges, corners = np.int64(self.vertices.shape[0]), self.faces.astype(np.int64)
-        odd = self.odd_edges.astype(np.int64)
-        following = np.roll(corners, -1, axis=1)
-        used = np.minimum(corners, following) * edges + np.maximum(corners, following)
-        several = len(odd) < np.isin(used, odd[:, 0] * edges + odd[:, 1]).sum()
-        share = "an odd number of triangles" if several else "one triangle only"
-        return f"the mesh is open: {len(odd)} edges belong to {share}, {self._first(odd)}"
-
-    def _mixed(self) -> str:
-        count = len(self.uneven_edges)
-        return (
-            f"the mesh is not oriented: {count} edges are used more often one way than the other, "
-            f"{self._first(self.uneven_edges)}"
-        )
-
-    def _first(self, edges: NDArray[Any]) -> str:
-        a, b = edges[0].tolist()
-        place = ", ".join(f"{x:.6g}" for x in (self.vertices[a] / 2 + self.vertices[b] / 2))
-        if self.vertex_numbers is not None:
-            a, b = self.vertex_numbers[[a, b]].tolist()
-        return f"the first between vertices {a} and {b} near ({place})"
 
 
 def load(path: str | os.PathLike[str]) -> trimesh.Trimesh:
@@ -272,11 +249,8 @@ class _Mesh:
     triangles: NDArray[np.int32]
     numbers: NDArray[np.int64] | None
 
-    def without_unused(self) -> _Mesh:
-        used = np.zeros(len(self.points), bool)
-        corners = self.triangles.reshape(-1)
-        for at in range(0, len(corners), _BLOCK):
-            used[corners[at : at + _BLOCK].astype(np.intp)] = True
+    def limited(self, used: NDArray[np.bool_]) -> _Mesh:
+        """The mesh with only those vertices that are *used*."""
         return self if used.all() else self._only(used, self.triangles)
 
     def merged(self, first: NDArray[np.intp]) -> _Mesh:
@@ -296,8 +270,8 @@ class _Mesh:
 
 def _check(vertices: ArrayLike, faces: ArrayLike) -> Surface:
     points, corners = _vertices(vertices), _faces(faces)
-    _refuse_out_of_range(corners, len(points))
-    mesh = _Mesh(points, corners.astype(np.int32), None).without_unused()
+    triangles, used = _narrowed(corners, len(points))
+    mesh = _Mesh(points, triangles, None).limited(used)
     bounds = _bounds(mesh)
     _refuse_flat(bounds)
 
@@ -305,39 +279,30 @@ def _check(vertices: ArrayLike, faces: ArrayLike) -> Surface:
     if first is not None:
         mesh = mesh.merged(first)
     rest = _resolve(mesh)
-    warnings = []
-    length = 0.0
+    warnings: list[str] = []
+    welded_by = 0.0
     if len(rest.odd):
         near = WELD_TOLERANCE * float((bounds[1] - bounds[0]).max())
-        first = _first_near(mesh.points, np.unique(rest.odd), near)
-        if first is not None:
-            merged = mesh.merged(first)
-            closer = _resolve(merged)
-            if len(closer.odd) < len(rest.odd) and len(closer.kept):
-                warnings.append(
-                    f"{len(mesh.points) - len(merged.points)} vertices were merged with others "
-                    f"within {near:.3g}, {WELD_TOLERANCE:g} of the mesh's size: welded by equal "
-                    "coordinates alone it is open"
-                )
-                mesh, rest, length = merged, closer, near
+        merged = _merged_near(mesh, rest, near)
+        if merged is not None:
+            warnings.append(
+                f"{len(mesh.points) - len(merged[0].points)} vertices were merged with others "
+                f"within {near:.3g}, {WELD_TOLERANCE:g} of the mesh's size: welded by equal "
+                "coordinates alone it is open"
+            )
+            (mesh, rest), welded_by = merged, near
     if not len(rest.kept):
         raise MeshError(
             f"nothing is left of {len(mesh.triangles)} triangles: {rest.repeated} use a vertex "
             f"twice, {rest.cancelled} are opposite sides of one triangle. A solid needs a closed "
             "surface around it."
         )
-
     whole = len(rest.kept) == len(mesh.triangles)
     if not whole:
-        # What was dropped may leave vertices without a triangle.
-        trimmed = _Mesh(mesh.points, mesh.triangles[rest.kept], mesh.numbers)
-        inner = _Mesh(trimmed.points, trimmed.triangles, None).without_unused()
-        if inner.numbers is not None:
-            bounds = _bounds(inner)
-            _refuse_flat(bounds)
-            rest.odd = np.searchsorted(inner.numbers, rest.odd).astype(np.int32)
-            rest.uneven = np.searchsorted(inner.numbers, rest.uneven).astype(np.int32)
-        mesh = trimmed.without_unused()
+        mesh = _trimmed(mesh, rest)
+    if not whole or welded_by:
+        bounds = _bounds(mesh)
+        _refuse_flat(bounds)
     _refuse_without_area(mesh, bounds)
     arrays = (mesh.points, mesh.triangles, bounds, rest.odd, rest.uneven, rest.kept, mesh.numbers)
     for array in arrays:
@@ -353,29 +318,87 @@ def _check(vertices: ArrayLike, faces: ArrayLike) -> Surface:
         repeated=rest.repeated,
         duplicates=rest.duplicates,
         cancelled=rest.cancelled,
-        welded_by=length,
+        welded_by=welded_by,
         face_numbers=None if whole else rest.kept,
         vertex_numbers=mesh.numbers,
         odd_edges=rest.odd,
         uneven_edges=rest.uneven,
     )
-    return replace(surface, warnings=(*warnings, *_defects(surface)))
+    return replace(surface, warnings=(*warnings, *_defects(surface, rest.crowded)))
 
 
-def _defects(surface: Surface) -> Iterator[str]:
+def _merged_near(mesh: _Mesh, rest: _Rest, length: float) -> tuple[_Mesh, _Rest] | None:
+    """The mesh with vertices of odd edges merged within *length*; None if that closes nothing."""
+    first = _first_near(mesh.points, np.unique(rest.odd), length)
+    if first is None:
+        return None
+    merged = mesh.merged(first)
+    closer = _resolve(merged)
+    return (merged, closer) if len(closer.odd) < len(rest.odd) and len(closer.kept) else None
+
+
+def _trimmed(mesh: _Mesh, rest: _Rest) -> _Mesh:
+    """The mesh of the triangles that are kept; the edges in *rest* are renumbered with it."""
+    triangles = mesh.triangles[rest.kept]
+    used = np.zeros(len(mesh.points), bool)
+    used[triangles.reshape(-1)] = True
+    trimmed = replace(mesh, triangles=triangles).limited(used)
+    if len(trimmed.points) < len(mesh.points):
+        names = np.arange(len(mesh.points)) if mesh.numbers is None else mesh.numbers
+        rest.odd, rest.uneven = (
+            np.searchsorted(np.asarray(trimmed.numbers), names[edges]).astype(np.int32)
+            for edges in (rest.odd, rest.uneven)
+        )
+    return trimmed
+
+
+def _open(surface: Surface) -> str:
+    count = np.int64(len(surface.vertices))
+    corners, odd = surface.faces.astype(np.int64), surface.odd_edges.astype(np.int64)
+    ends = np.roll(corners, -1, axis=1)
+    sides = np.minimum(corners, ends) * count + np.maximum(corners, ends)
+    several = len(odd) < int(np.isin(sides, odd[:, 0] * count + odd[:, 1]).sum())
+    share = "an odd number of triangles" if several else "one triangle only"
+    return f"the mesh is open: {len(odd)} edges belong to {share}, {_first(surface, odd)}"
+
+
+def _mixed(surface: Surface) -> str:
+    edges = surface.uneven_edges
+    return (
+        f"the mesh is not oriented: {len(edges)} edges are used more often one way than the "
+        f"other, {_first(surface, edges)}"
+    )
+
+
+def _first(surface: Surface, edges: NDArray[Any]) -> str:
+    a, b = edges[0].tolist()
+    middle = surface.vertices[a] / 2 + surface.vertices[b] / 2
+    if surface.vertex_numbers is not None:
+        a, b = surface.vertex_numbers[[a, b]].tolist()
+    place = ", ".join(f"{x:.6g}" for x in middle)
+    return f"the first between vertices {a} and {b} near ({place})"
+
+
+def _triangles(count: int) -> str:
+    return "1 triangle was" if count == 1 else f"{count} triangles were"
+
+
+def _defects(surface: Surface, crowded: int) -> Iterator[str]:
     if surface.repeated:
-        yield f"{surface.repeated} triangles were dropped: they use a vertex twice"
+        yield f"{_triangles(surface.repeated)} dropped, with a vertex number twice"
     if surface.duplicates:
-        yield f"{surface.duplicates} triangles were dropped: they are there already"
+        yield f"{_triangles(surface.duplicates)} dropped, equal to another one"
     if surface.cancelled:
         yield (
-            f"{surface.cancelled} triangles were dropped in pairs: "
+            f"{_triangles(surface.cancelled)} dropped in pairs: "
             "two opposite sides of one triangle enclose nothing"
         )
+    if crowded:
+        yield f"some edges ({crowded}) belong to more than two triangles: surfaces touch there"
     if not surface.closed:
-        yield surface._open()
+        yield _open(surface)
     elif not surface.oriented:
-        yield f"{surface._mixed()}; inside and outside are still told apart by parity"
+        yield f"{_mixed(surface)}; inside and outside are still told apart by parity"
     else:
         share = _volume_share(surface)
         # Rounding may make a volume of nothing negative, never by this much of the bounding box.
@@ -418,13 +441,29 @@ def _array(name: str, value: ArrayLike) -> NDArray[Any]:
         raise MeshError(f"{name} must be an array of three columns; its rows differ") from None
 
 
-def _refuse_out_of_range(faces: NDArray[Any], count: int) -> None:
-    if int(faces.min()) < 0 or int(faces.max()) >= count:
-        row, column = np.argwhere((faces < 0) | (faces >= count))[0]
-        raise MeshError(
-            f"triangle {row} uses vertex {faces[row, column]}; "
-            + (f"the vertices are 0 to {count - 1}" if count else "there are no vertices")
-        )
+def _narrowed(faces: NDArray[Any], count: int) -> tuple[NDArray[np.int32], NDArray[np.bool_]]:
+    """The faces as int32, and which of the *count* vertices they use; refuses the others."""
+    triangles = np.empty(faces.shape, np.int32)
+    used = np.zeros(count, bool)
+    wrong = []
+
+    def work(start: int, stop: int) -> None:
+        for at in range(start, stop, _BLOCK):
+            end = min(at + _BLOCK, stop)
+            part = faces[at:end]
+            if int(part.min()) < 0 or int(part.max()) >= count:
+                row, column = np.argwhere((part < 0) | (part >= count))[0]
+                wrong.append((at + int(row), int(part[row, column])))
+                return
+            triangles[at:end] = part
+            used[part.reshape(-1).astype(np.intp, copy=False)] = True
+
+    _in_halves(work, len(faces))
+    if wrong:
+        row, vertex = min(wrong)
+        known = f"the vertices are 0 to {count - 1}" if count else "there are no vertices"
+        raise MeshError(f"triangle {row} uses vertex {vertex}; {known}")
+    return triangles, used
 
 
 def _bounds(mesh: _Mesh) -> NDArray[np.float64]:
@@ -493,7 +532,10 @@ def _volume_share(surface: Surface) -> float:
             parts.append(float(((bx - ax) * (cy - ay) - (by - ay) * (cx - ax)) @ height))
 
     _in_halves(add, len(surface.faces))
-    return math.fsum(parts) / 6 / float(np.prod(high - low))
+    share = math.fsum(parts) / 6
+    for length in (high - low).tolist():
+        share /= length  # one by one: the volume of a tiny box would underflow to zero
+    return share
 
 
 # --- equal rows ---------------------------------------------------------------------------------
@@ -536,7 +578,6 @@ def _first_equal(rows: NDArray[Any]) -> NDArray[np.intp] | None:
     if not same.any():
         return None
     order = (keys & low).astype(np.intp)
-    del keys
     starts = np.flatnonzero(~same)
     first = np.empty(count, np.intp)
     first[order] = np.repeat(order[starts], np.diff(starts, append=count))
@@ -570,14 +611,14 @@ def _first_near(
 ) -> NDArray[np.intp] | None:
     """Like `_first_equal`, for the *candidates* among the points, and within *length*.
 
-    Points that differ by at most half of *length* along each axis are merged for certain, points
-    that differ by more only by way of others.  Cells of eight shifted grids, *length* wide, do
+    Points that differ by at most *length* along each axis are merged for certain, points that
+    differ by twice as much or more only by way of others.  The cells of eight shifted grids do
     this at a bounded cost, however many points crowd into a cell.
     """
     if length == 0:
         return None
     places = points[candidates]
-    scaled = (places - places.min(axis=0)) / length
+    scaled = (places - places.min(axis=0)) / (2 * length)
     pairs = []
     for shift in np.ndindex(2, 2, 2):
         first = _first_equal(np.floor(scaled + np.array(shift) / 2))
@@ -586,7 +627,8 @@ def _first_near(
             pairs.append(np.stack([moved, first[moved]], axis=1))
     if not pairs:
         return None
-    labels = trimesh.graph.connected_component_labels(np.concatenate(pairs), len(candidates))
+    joined: Any = trimesh.graph.connected_component_labels  # it has no annotations
+    labels = joined(np.concatenate(pairs), len(candidates))
     # The candidates ascend, so the first of a component is the lowest-numbered.
     _, lowest = np.unique(labels, return_index=True)
     result = np.arange(len(points))
@@ -607,6 +649,7 @@ class _Rest:
     cancelled: int
     odd: NDArray[np.int32]
     uneven: NDArray[np.int32]
+    crowded: int
 
 
 _BACKWARD = np.int64(-(2**63))
@@ -626,15 +669,15 @@ def _resolve(mesh: _Mesh) -> _Rest:
         keys, _ = _edge_keys(triangles, count)
     repeated = len(mesh.triangles) - len(kept)
     if _is_simple(keys, count):
-        return _Rest(kept, repeated, 0, 0, none, none)
+        return _Rest(kept, repeated, 0, 0, none, none, 0)
 
     single, paired = _distinct(triangles)
     duplicates = len(kept) - len(single)
     if duplicates or len(paired) < len(single):
         kept, triangles = kept[paired], triangles[paired]
         keys, _ = _edge_keys(triangles, count)
-    odd, uneven = _flawed_edges(keys, count)
-    return _Rest(kept, repeated, duplicates, len(single) - len(paired), odd, uneven)
+    odd, uneven, crowded = _flawed_edges(keys, count)
+    return _Rest(kept, repeated, duplicates, len(single) - len(paired), odd, uneven, crowded)
 
 
 def _widths(count: int) -> tuple[int, int]:
@@ -681,7 +724,7 @@ def _is_simple(keys: NDArray[np.int64], count: int) -> bool:
     of one orientation would share a side, two of opposite orientation an edge and the third
     vertex.  Where the third vertex does not fit, its low bits may say no to such a surface.
     """
-    if len(keys) % 2:
+    if len(keys) % 2 or not len(keys):
         return False
     _sort(keys)
     half = len(keys) // 2
@@ -725,8 +768,11 @@ def _distinct(triangles: NDArray[np.int32]) -> tuple[NDArray[np.intp], NDArray[n
 
 def _flawed_edges(
     keys: NDArray[np.int64], count: int
-) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-    """The edges with an odd number of triangles, and those not used equally often both ways."""
+) -> tuple[NDArray[np.int32], NDArray[np.int32], int]:
+    """The edges with an odd number of triangles, and those not used equally often both ways.
+
+    Third, the number of edges that belong to more than two triangles.
+    """
     bits, spare = _widths(count)
     backward = (keys < 0).astype(np.int64)
     # An edge needs at most 62 bits: there is room for its direction below.
@@ -739,7 +785,7 @@ def _flawed_edges(
     edges = edges[starts]
     pairs = np.stack([edges >> np.int64(bits), edges & np.int64((1 << bits) - 1)], axis=1)
     pairs = pairs.astype(np.int32)
-    return pairs[uses % 2 == 1], pairs[2 * back != uses]
+    return pairs[uses % 2 == 1], pairs[2 * back != uses], int((uses > 2).sum())
 
 
 # --- two threads --------------------------------------------------------------------------------
