@@ -11,6 +11,7 @@
  *             BRICK_X, BRICK_Y, BRICK_Z  voxels along the sides of a brick; 1 for dense grids
  */
 #include "common/bricks.h"
+#include "common/index.h"
 
 #define UNION 0
 #define INTERSECTION 1
@@ -112,10 +113,7 @@ __kernel void combine_bricks(
     const ulong id = get_global_id(0);
     if (id >= words) return;
     if (!mixed[id]) return;
-    const uint row_words = words_in_row(cells.x);
-    const int first_x = (int)(id % row_words) * 32;
-    const int y = (int)(id / row_words % cells.y);
-    const int z = (int)(id / row_words / cells.y);
+    const int3 at = index_of(id, (int)words_in_row(cells.x), cells.y);
     const ulong first_a = rank_of(mixed_a, rank_a, id, 0);
     const ulong first_b = rank_of(mixed_b, rank_b, id, 0);
     __global uint *brick = bricks + (ulong)rank_of(mixed, rank, id, 0) * BRICK_WORDS;
@@ -125,7 +123,7 @@ __kernel void combine_bricks(
         const __global uint *a = bricks_a + (first_a + popcount(mixed_a[id] & lower)) * BRICK_WORDS;
         const __global uint *b = bricks_b + (first_b + popcount(mixed_b[id] & lower)) * BRICK_WORDS;
         const int3 sides = (int3)(BRICK_X, BRICK_Y, BRICK_Z);
-        const int3 kept = min(voxels.xyz - (int3)(first_x + lane, y, z) * sides, sides);
+        const int3 kept = min(voxels.xyz - (int3)(32 * at.x + lane, at.yz) * sides, sides);
         for (int w = 0; w < BRICK_WORDS; ++w) {
             const uint real = real_bits(w, kept);
             brick[w] = combine_bits(word_of(mixed_a[id], inside_a[id], lane, real, a, w),

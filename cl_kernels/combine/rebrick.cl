@@ -10,8 +10,8 @@
  * Defines:    LEVELS, RULE = 0, BRICK_X, BRICK_Y, BRICK_Z  of the source (common/model.h)
  *             NEW_X, NEW_Y, NEW_Z  sides of the result's bricks; 0 for a dense grid
  */
+#include "common/index.h"
 #include "common/model.h"
-
 
 #if NEW_X == 0
 
@@ -22,12 +22,11 @@ __kernel void flatten(const int4 voxels, MODEL_PARAMETERS, __global uint *restri
     const int row_words = (voxels.x + 31) / 32;
     const ulong id = get_global_id(0);
     if (id >= (ulong)row_words * voxels.y * voxels.z) return;
-    const int first = (int)(id % row_words) * 32;
-    const int y = (int)(id / row_words % voxels.y);
-    const int z = (int)(id / row_words / voxels.y);
+    const int3 at = index_of(id, row_words, voxels.y);
+    const int first = 32 * at.x;
     uint bits = 0;
     for (int lane = 0; lane < min(voxels.x - first, 32); ++lane)
-        bits |= read_voxel(MODEL_ARGUMENTS, first + lane, y, z) << lane;
+        bits |= read_voxel(MODEL_ARGUMENTS, first + lane, at.y, at.z) << lane;
     dense[id] = bits;
 }
 
@@ -63,12 +62,11 @@ __kernel void rebrick_cells(
     const int row_words = (counts.x + 31) / 32;
     const ulong id = get_global_id(0);
     if (id >= (ulong)row_words * counts.y * counts.z) return;
-    const int first = (int)(id % row_words) * 32;
-    const int y = (int)(id / row_words % counts.y);
-    const int z = (int)(id / row_words / counts.y);
+    const int3 at = index_of(id, row_words, counts.y);
+    const int first = 32 * at.x;
     uint differ = 0, in = 0;
     for (int lane = 0; lane < min(counts.x - first, 32); ++lane) {
-        const int3 low = (int3)(first + lane, y, z) * (int3)(NEW_X, NEW_Y, NEW_Z);
+        const int3 low = (int3)(first + lane, at.yz) * (int3)(NEW_X, NEW_Y, NEW_Z);
         const int3 high = min(low + (int3)(NEW_X, NEW_Y, NEW_Z), voxels.xyz) - 1;
         const uint state = read_voxel(MODEL_ARGUMENTS, low.x, low.y, low.z);
         bool same = true;
@@ -95,21 +93,21 @@ __kernel void rebrick_bricks(
     const ulong id = get_global_id(0);
     if (id >= (ulong)row_words * counts.y * counts.z) return;
     if (!mixed[id]) return;
-    const int first = (int)(id % row_words) * 32;
-    const int y = (int)(id / row_words % counts.y);
-    const int z = (int)(id / row_words / counts.y);
+    const int3 at = index_of(id, row_words, counts.y);
+    const int first = 32 * at.x;
     const int size = NEW_X * NEW_Y * NEW_Z;
     uint before = ranks[id / 8];
     for (ulong w = id & ~7UL; w < id; ++w) before += popcount(mixed[w]);
     __global uint *brick = result + (ulong)before * ((size + 31) / 32);
     for (uint left = mixed[id]; left; left &= left - 1, brick += (size + 31) / 32) {
         const int lane = popcount((left & -left) - 1);
-        const int3 low = (int3)(first + lane, y, z) * (int3)(NEW_X, NEW_Y, NEW_Z);
+        const int3 low = (int3)(first + lane, at.yz) * (int3)(NEW_X, NEW_Y, NEW_Z);
         uint bits = 0;
         for (int voxel = 0; voxel < size; ++voxel) {
-            const int3 at = low + (int3)(voxel % NEW_X, voxel / NEW_X % NEW_Y, voxel / NEW_X / NEW_Y);
-            if (all(at < voxels.xyz))
-                bits |= read_voxel(MODEL_ARGUMENTS, at.x, at.y, at.z) << (voxel % 32);
+            const int3 place =
+                low + (int3)(voxel % NEW_X, voxel / NEW_X % NEW_Y, voxel / NEW_X / NEW_Y);
+            if (all(place < voxels.xyz))
+                bits |= read_voxel(MODEL_ARGUMENTS, place.x, place.y, place.z) << (voxel % 32);
             if (voxel % 32 == 31 || voxel == size - 1) {
                 brick[voxel / 32] = bits;
                 bits = 0;

@@ -10,6 +10,7 @@
  * Defines:    LEVELS, RULE = 0, BRICK_X, BRICK_Y, BRICK_Z  (common/model.h)
  *             PART  most rows of a part along y and along z: 64
  */
+#include "common/index.h"
 #include "common/model.h"
 #include "common/rows.h"
 
@@ -74,11 +75,10 @@ __kernel void count_blocks(
     const ulong id = get_global_id(0);
     const int columns = blocks.y * parts.x, layers = blocks.z * parts.y;
     if (id >= (ulong)blocks.x * columns * layers) return;
-    const int x = (int)(id % blocks.x);
-    const int column = (int)(id / blocks.x % columns);
-    const int layer = (int)(id / blocks.x / columns);
-    const int3 block = (int3)(x, column / parts.x, first_z + layer / parts.y) * side.xyz;
-    const int3 low = block + (int3)(0, column % parts.x, layer % parts.y) * PART;
+    const int3 at = index_of(id, blocks.x, columns);
+    const int y = at.y / parts.x, z = at.z / parts.y;
+    const int3 block = (int3)(at.x, y, first_z + z) * side.xyz;
+    const int3 low = block + (int3)(0, at.y - y * parts.x, at.z - z * parts.y) * PART;
     const int3 end = (int3)(block.x + side.x, min(low.yz + PART, block.yz + side.yz));
     const int3 high = min(end, voxels.xyz);
     counts[id] = all(low < high) ? count_box(MODEL_ARGUMENTS, low, high) : 0;

@@ -95,8 +95,8 @@ __kernel void sum_moments(
 {
     const ulong id = get_global_id(0);
     if (id >= rows) return;
-    const int y = (int)((first + id) % cells.y);
     const int z = (int)((first + id) / cells.y);
+    const int y = (int)(first + id - (ulong)z * cells.y);
     ulong found[SUMS];
     for (int s = 0; s < SUMS; ++s) found[s] = 0;
 #if LEVELS == 1

@@ -33,6 +33,29 @@ def test_combination(
 
 
 @pytest.mark.parametrize("operation", Operation)
+def test_only_what_may_be_mixed_has_a_brick(session: Session, operation: Operation) -> None:
+    """A cell that one operand decides alone has none: mixed or outside is mixed or inside."""
+    states = np.indices((3, 3)).reshape(2, 9)
+    a, b = (np.stack([row > 0, row == 1], axis=-1).reshape(1, 1, 18) for row in states)
+    brick = 2, 1, 1
+    one, other = (pack(session, voxels, brick) for voxels in (a, b))
+    found = combine(session, one, other, operation)
+    assert found.cells is not None
+    possible = [
+        {TWINS[operation](np.array(p), np.array(q)).item() for p in _values(s) for q in _values(t)}
+        for s, t in states.T.tolist()
+    ]
+    mixed = sum((len(values) == 2) << cell for cell, values in enumerate(possible))
+    assert found.cells.boundary.get().tolist() == [[[mixed]]]
+    assert (unpack(found) == TWINS[operation](a, b)).all()
+
+
+def _values(state: int) -> list[bool]:
+    """What the voxels of a cell may be: all out, all in, or mixed."""
+    return [[False], [True], [False, True]][state]
+
+
+@pytest.mark.parametrize("operation", Operation)
 @pytest.mark.parametrize("other", [None, (1, 1, 1), (8, 8, 8), (3, 5, 7), (40, 2, 2)])
 @pytest.mark.parametrize("brick", [None, (8, 8, 8), (5, 3, 4)])
 def test_combination_of_different_bricks(
@@ -62,7 +85,7 @@ def test_full_and_empty(session: Session, shape: Shape, brick: Shape | None) -> 
     assert not unpack(nothing).any()
     for operation in Operation:
         found = combine(session, solid_box, nothing, operation)
-        assert (unpack(found) == TWINS[operation](np.True_, np.False_)).all()
+        assert (unpack(found) == TWINS[operation](np.array(True), np.array(False))).all()
         assert brick is None or len(found.voxels) == 0
 
 
