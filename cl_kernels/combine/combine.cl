@@ -91,9 +91,10 @@ static inline uint real_bits(const int w, const int3 kept)
     }
     uint bits = 0;
     for (int bit = 0; bit < 32; ++bit) {
-        const int voxel = 32 * w + bit;
-        const int x = voxel % BRICK_X, y = voxel / BRICK_X % BRICK_Y, z = voxel / BRICK_X / BRICK_Y;
-        if (x < kept.x && y < kept.y && z < kept.z) bits |= 1u << bit;
+        ulong rest = 32 * w + bit;
+        const int x = take_place(&rest, BRICK_X);
+        const int y = take_place(&rest, BRICK_Y);
+        if (x < kept.x && y < kept.y && (int)rest < kept.z) bits |= 1u << bit;
     }
     return bits;
 }
@@ -113,7 +114,10 @@ __kernel void combine_bricks(
     const ulong id = get_global_id(0);
     if (id >= words) return;
     if (!mixed[id]) return;
-    const int3 at = index_of(id, (int)words_in_row(cells.x), cells.y);
+    ulong rest = id;
+    const int first_x = 32 * take_place(&rest, (int)words_in_row(cells.x));
+    const int y = take_place(&rest, cells.y);
+    const int z = (int)rest;
     const ulong first_a = rank_of(mixed_a, rank_a, id, 0);
     const ulong first_b = rank_of(mixed_b, rank_b, id, 0);
     __global uint *brick = bricks + (ulong)rank_of(mixed, rank, id, 0) * BRICK_WORDS;
@@ -123,7 +127,7 @@ __kernel void combine_bricks(
         const __global uint *a = bricks_a + (first_a + popcount(mixed_a[id] & lower)) * BRICK_WORDS;
         const __global uint *b = bricks_b + (first_b + popcount(mixed_b[id] & lower)) * BRICK_WORDS;
         const int3 sides = (int3)(BRICK_X, BRICK_Y, BRICK_Z);
-        const int3 kept = min(voxels.xyz - (int3)(32 * at.x + lane, at.yz) * sides, sides);
+        const int3 kept = min(voxels.xyz - (int3)(first_x + lane, y, z) * sides, sides);
         for (int w = 0; w < BRICK_WORDS; ++w) {
             const uint real = real_bits(w, kept);
             brick[w] = combine_bits(word_of(mixed_a[id], inside_a[id], lane, real, a, w),

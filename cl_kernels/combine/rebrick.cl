@@ -13,6 +13,8 @@
 #include "common/index.h"
 #include "common/model.h"
 
+#define NEW_SIZE (NEW_X * NEW_Y * NEW_Z)
+
 #if NEW_X == 0
 
 /* One work-item writes one word of the dense grid.
@@ -22,11 +24,13 @@ __kernel void flatten(const int4 voxels, MODEL_PARAMETERS, __global uint *restri
     const int row_words = (voxels.x + 31) / 32;
     const ulong id = get_global_id(0);
     if (id >= (ulong)row_words * voxels.y * voxels.z) return;
-    const int3 at = index_of(id, row_words, voxels.y);
-    const int first = 32 * at.x;
+    ulong rest = id;
+    const int first = 32 * take_place(&rest, row_words);
+    const int y = take_place(&rest, voxels.y);
+    const int z = (int)rest;
     uint bits = 0;
     for (int lane = 0; lane < min(voxels.x - first, 32); ++lane)
-        bits |= read_voxel(MODEL_ARGUMENTS, first + lane, at.y, at.z) << lane;
+        bits |= read_voxel(MODEL_ARGUMENTS, first + lane, y, z) << lane;
     dense[id] = bits;
 }
 
@@ -62,11 +66,13 @@ __kernel void rebrick_cells(
     const int row_words = (counts.x + 31) / 32;
     const ulong id = get_global_id(0);
     if (id >= (ulong)row_words * counts.y * counts.z) return;
-    const int3 at = index_of(id, row_words, counts.y);
-    const int first = 32 * at.x;
+    ulong rest = id;
+    const int first = 32 * take_place(&rest, row_words);
+    const int y = take_place(&rest, counts.y);
+    const int z = (int)rest;
     uint differ = 0, in = 0;
     for (int lane = 0; lane < min(counts.x - first, 32); ++lane) {
-        const int3 low = (int3)(first + lane, at.yz) * (int3)(NEW_X, NEW_Y, NEW_Z);
+        const int3 low = (int3)(first + lane, y, z) * (int3)(NEW_X, NEW_Y, NEW_Z);
         const int3 high = min(low + (int3)(NEW_X, NEW_Y, NEW_Z), voxels.xyz) - 1;
         const uint state = read_voxel(MODEL_ARGUMENTS, low.x, low.y, low.z);
         bool same = true;
@@ -93,25 +99,32 @@ __kernel void rebrick_bricks(
     const ulong id = get_global_id(0);
     if (id >= (ulong)row_words * counts.y * counts.z) return;
     if (!mixed[id]) return;
-    const int3 at = index_of(id, row_words, counts.y);
-    const int first = 32 * at.x;
-    const int size = NEW_X * NEW_Y * NEW_Z;
+    ulong rest = id;
+    const int first = 32 * take_place(&rest, row_words);
+    const int y = take_place(&rest, counts.y);
+    const int z = (int)rest;
     uint before = ranks[id / 8];
     for (ulong w = id & ~7UL; w < id; ++w) before += popcount(mixed[w]);
-    __global uint *brick = result + (ulong)before * ((size + 31) / 32);
-    for (uint left = mixed[id]; left; left &= left - 1, brick += (size + 31) / 32) {
+    __global uint *brick = result + (ulong)before * ((NEW_SIZE + 31) / 32);
+    for (uint left = mixed[id]; left; left &= left - 1, brick += (NEW_SIZE + 31) / 32) {
         const int lane = popcount((left & -left) - 1);
-        const int3 low = (int3)(first + lane, at.yz) * (int3)(NEW_X, NEW_Y, NEW_Z);
+        const int3 low = (int3)(first + lane, y, z) * (int3)(NEW_X, NEW_Y, NEW_Z);
+        const int3 size = voxels.xyz - low;
+        int i = 0, j = 0, k = 0;
         uint bits = 0;
-        for (int voxel = 0; voxel < size; ++voxel) {
-            const int3 place =
-                low + (int3)(voxel % NEW_X, voxel / NEW_X % NEW_Y, voxel / NEW_X / NEW_Y);
-            if (all(place < voxels.xyz))
-                bits |= read_voxel(MODEL_ARGUMENTS, place.x, place.y, place.z) << (voxel % 32);
-            if (voxel % 32 == 31 || voxel == size - 1) {
+        for (int voxel = 0; voxel < NEW_SIZE; ++voxel) {
+            if (i < size.x && j < size.y && k < size.z)
+                bits |= read_voxel(MODEL_ARGUMENTS, low.x + i, low.y + j, low.z + k)
+                        << (voxel % 32);
+            if (voxel % 32 == 31 || voxel == NEW_SIZE - 1) {
                 brick[voxel / 32] = bits;
                 bits = 0;
             }
+            if (++i < NEW_X) continue;
+            i = 0;
+            if (++j < NEW_Y) continue;
+            j = 0;
+            ++k;
         }
     }
 }

@@ -1,15 +1,19 @@
 /*
- * common/index.h: from the number of an item of a box to its place, x fastest.
+ * common/index.h: from the number of an item of a box to its place.
  */
 #ifndef CLVOX_INDEX_H
 #define CLVOX_INDEX_H
 
-/* Place of item `id` in a box of (x, y, any number along z) items.  Remainders by subtraction: where
- * a quotient and a remainder are both asked for, compilers put in what Oclgrind does not know. */
-static inline int3 index_of(const ulong id, const int x, const int y)
+/* Place along the fastest axis, of `count` items; leaves in *number what counts along the others.
+ *
+ * A remainder by subtraction: where quotient and remainder are both asked for, compilers put in an
+ * instruction that Oclgrind does not know. */
+static inline int take_place(ulong *number, const int count)
 {
-    const ulong row = id / x, z = row / y;
-    return (int3)((int)(id - row * x), (int)(row - z * y), (int)z);
+    const ulong rest = *number / count;
+    const int place = (int)(*number - rest * count);
+    *number = rest;
+    return place;
 }
 
 #endif

@@ -73,12 +73,14 @@ __kernel void count_blocks(
     MODEL_PARAMETERS, __global uint *restrict counts)
 {
     const ulong id = get_global_id(0);
-    const int columns = blocks.y * parts.x, layers = blocks.z * parts.y;
-    if (id >= (ulong)blocks.x * columns * layers) return;
-    const int3 at = index_of(id, blocks.x, columns);
-    const int y = at.y / parts.x, z = at.z / parts.y;
-    const int3 block = (int3)(at.x, y, first_z + z) * side.xyz;
-    const int3 low = block + (int3)(0, at.y - y * parts.x, at.z - z * parts.y) * PART;
+    if (id >= (ulong)blocks.x * parts.x * blocks.y * parts.y * blocks.z) return;
+    ulong rest = id;
+    const int x = take_place(&rest, blocks.x);
+    const int part_y = take_place(&rest, parts.x);
+    const int y = take_place(&rest, blocks.y);
+    const int part_z = take_place(&rest, parts.y);
+    const int3 block = (int3)(x, y, first_z + (int)rest) * side.xyz;
+    const int3 low = block + (int3)(0, part_y, part_z) * PART;
     const int3 end = (int3)(block.x + side.x, min(low.yz + PART, block.yz + side.yz));
     const int3 high = min(end, voxels.xyz);
     counts[id] = all(low < high) ? count_box(MODEL_ARGUMENTS, low, high) : 0;

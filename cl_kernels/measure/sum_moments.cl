@@ -11,6 +11,7 @@
  * Defines:    LEVELS, RULE = 0, BRICK_X, BRICK_Y, BRICK_Z  (common/model.h)
  *             SUMS  sums of a row: 10
  */
+#include "common/index.h"
 #include "common/model.h"
 #include "common/rows.h"
 
@@ -66,21 +67,21 @@ static inline void add_cells(
         add(sums, sum_range(end * BRICK_X, voxels.x - end * BRICK_X), y, z);
 }
 
-/* Adds the bricks of row (y, z), whose first word of cells is `at`. */
-static inline void add_bricks(ulong *sums, const ulong at, const int y, const int z, MODEL_PARAMETERS)
+/* Adds the bricks of row (y, z) of cells, the first of which is `brick`. */
+static inline void add_bricks(
+    ulong *sums, const __global uint *row_of_cells, const __global uint *brick, const int words,
+    const int y, const int z)
 {
-    const int words = (int)words_in_row(cells.x);
-    const __global uint *brick = bricks + (ulong)rank_of(boundary, rank, at, 0) * BRICK_WORDS;
     for (int w = 0; w < words; ++w)
-        for (uint left = boundary[at + w]; left; left &= left - 1, brick += BRICK_WORDS) {
+        for (uint left = row_of_cells[w]; left; left &= left - 1, brick += BRICK_WORDS) {
             const int x = 32 * w + popcount((left & -left) - 1);
-            for (int row = 0; row < BRICK_Y * BRICK_Z; ++row) {
-                const ulong bits = brick_row(brick, row % BRICK_Y, row / BRICK_Y);
-                if (bits)
-                    add(sums, shifted(sum_bits(bits, BRICK_PLACES), x * BRICK_X),
-                        sum_range(y * BRICK_Y + row % BRICK_Y, 1),
-                        sum_range(z * BRICK_Z + row / BRICK_Y, 1));
-            }
+            for (int row_z = 0; row_z < BRICK_Z; ++row_z)
+                for (int row_y = 0; row_y < BRICK_Y; ++row_y) {
+                    const ulong bits = brick_row(brick, row_y, row_z);
+                    if (bits)
+                        add(sums, shifted(sum_bits(bits, BRICK_PLACES), x * BRICK_X),
+                            sum_range(y * BRICK_Y + row_y, 1), sum_range(z * BRICK_Z + row_z, 1));
+                }
         }
 }
 
@@ -95,8 +96,9 @@ __kernel void sum_moments(
 {
     const ulong id = get_global_id(0);
     if (id >= rows) return;
-    const int z = (int)((first + id) / cells.y);
-    const int y = (int)(first + id - (ulong)z * cells.y);
+    ulong rest = first + id;
+    const int y = take_place(&rest, cells.y);
+    const int z = (int)rest;
     ulong found[SUMS];
     for (int s = 0; s < SUMS; ++s) found[s] = 0;
 #if LEVELS == 1
@@ -110,7 +112,8 @@ __kernel void sum_moments(
     add_cells(found, inside + at, cells, voxels,
               sum_range(y * BRICK_Y, min(BRICK_Y, voxels.y - y * BRICK_Y)),
               sum_range(z * BRICK_Z, min(BRICK_Z, voxels.z - z * BRICK_Z)));
-    add_bricks(found, at, y, z, MODEL_ARGUMENTS);
+    add_bricks(found, boundary + at, bricks + (ulong)rank_of(boundary, rank, at, 0) * BRICK_WORDS,
+               (int)words_in_row(cells.x), y, z);
 #endif
     for (int s = 0; s < SUMS; ++s) sums[SUMS * id + s] = found[s];
 }

@@ -9,7 +9,6 @@
  * Defines:    BRICK_X, BRICK_Y, BRICK_Z  voxels along the sides of a brick
  */
 #include "common/bricks.h"
-#include "common/index.h"
 
 /* One work-item tells the 32 cells of one word apart.
  * layer: first of the layers of cells along z that `bytes` holds; layers: how many.
@@ -21,11 +20,12 @@ __kernel void pack_cells(
     const __global uchar *restrict bytes,
     __global uint *restrict boundary, __global uint *restrict inside)
 {
-    const int row_words = (int)words_in_row(cells.x);
+    const uint row_words = words_in_row(cells.x);
     const ulong id = get_global_id(0);
     if (id >= (ulong)row_words * cells.y * layers) return;
-    const int3 at = index_of(id, row_words, cells.y);
-    const int first = 32 * at.x, y = at.y, z = at.z;
+    const int first = (int)(id % row_words) * 32;
+    const int y = (int)(id / row_words % cells.y);
+    const int z = (int)(id / row_words / cells.y);
     uint mixed = 0, solid = 0;
     for (int lane = 0; lane < min(cells.x - first, 32); ++lane) {
         const int3 low = (int3)(first + lane, y, z) * (int3)(BRICK_X, BRICK_Y, BRICK_Z);
@@ -54,11 +54,12 @@ __kernel void pack_bricks(
     const __global uint *restrict boundary, const __global uint *restrict rank,
     __global uint *restrict bricks)
 {
-    const int row_words = (int)words_in_row(cells.x);
+    const uint row_words = words_in_row(cells.x);
     const ulong id = get_global_id(0);
     if (id >= (ulong)row_words * cells.y * layers) return;
-    const int3 at = index_of(id, row_words, cells.y);
-    const int first = 32 * at.x, y = at.y, z = at.z;
+    const int first = (int)(id % row_words) * 32;
+    const int y = (int)(id / row_words % cells.y);
+    const int z = (int)(id / row_words / cells.y);
     const ulong word = cell_word(cells, first, y, z + layer);
     const uint touched = boundary[word];
     if (!touched) return;

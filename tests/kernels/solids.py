@@ -7,9 +7,8 @@ from numpy.typing import NDArray
 
 from clvox.device import Session
 from clvox.grid import Shape
-from clvox.ops.layout import VoxelArrays, cell_shape
-from clvox.ops.pack import pack_dense, pack_voxels
-from clvox.reference.multilevel import Model, rank
+from clvox.ops.layout import Cells, VoxelArrays, cell_shape
+from clvox.reference.multilevel import Model, pack_bits, pack_bricks, rank
 
 Voxels = NDArray[np.bool_]
 
@@ -41,10 +40,32 @@ def solid(seed: int, shape: Shape, brick: Shape | None) -> Voxels:
 
 
 def pack(session: Session, voxels: Voxels, brick: Shape | None) -> VoxelArrays:
-    """The model of an array, in bricks or dense."""
+    """The model of an array, in bricks or dense, made by no kernel."""
+    nz, ny, nx = voxels.shape
+    shape = nx, ny, nz
     if brick is None:
-        return pack_dense(session, voxels)
-    return pack_voxels(session, voxels, brick)
+        return VoxelArrays(shape, session.upload(pack_bits(voxels)))
+    cells = cell_shape(shape, brick)
+    boundary, inside = (np.zeros(cells[::-1], np.bool_) for _ in range(2))
+    bricks = []
+    for k, j, i in np.ndindex(boundary.shape):
+        part = voxels[_box((k, j, i), brick)]
+        inside[k, j, i] = part.all()
+        boundary[k, j, i] = part.any() and not part.all()
+        if boundary[k, j, i]:
+            whole = np.zeros(brick[::-1], np.bool_)
+            whole[tuple(map(slice, part.shape))] = part
+            bricks.append(whole)
+    marks = pack_bits(boundary)
+    ranks = session.upload(rank(marks))
+    found = np.array(bricks, np.bool_).reshape(len(bricks), *brick[::-1])
+    words = session.upload(pack_bricks(found))
+    return VoxelArrays(
+        shape,
+        words,
+        Cells(cells, brick, session.upload(marks), ranks, len(bricks)),
+        session.upload(pack_bits(inside)),
+    )
 
 
 def unpack(arrays: VoxelArrays) -> Voxels:
@@ -77,12 +98,16 @@ def uniform_bricks(arrays: VoxelArrays) -> int:
     boundary = _bits(arrays.cells.boundary.get(), arrays.cells.shape[0])
     count = 0
     for k, j, i in np.argwhere(boundary):
-        box = tuple(
-            slice(at * width, (at + 1) * width)
-            for at, width in zip((k, j, i), reversed(size), strict=True)
-        )
-        count += int(voxels[box].all() or not voxels[box].any())
+        part = voxels[_box((k, j, i), size)]
+        count += int(part.all() or not part.any())
     return count
+
+
+def _box(cell: tuple[int, ...], size: Shape) -> tuple[slice, ...]:
+    """The voxels of cell (k, j, i)."""
+    return tuple(
+        slice(at * width, (at + 1) * width) for at, width in zip(cell, reversed(size), strict=True)
+    )
 
 
 def _bits(words: NDArray[np.uint32], count: int) -> Voxels:
