@@ -47,18 +47,32 @@ class ExactAllocator:
 
     A pool gives out more memory than was asked for, and gives it out again, written: accesses
     beyond the end of an array and reads of what nobody wrote would go unseen.
+
+    Buffers are kept for a while: where one is let go while kernels are waiting, Oclgrind may forget
+    what was written to the next one in its place.
     """
+
+    KEPT = 1 << 26
 
     active_bytes = active_blocks = held_blocks = 0
 
     def __init__(self, queue: Any) -> None:
         from pyopencl.tools import ImmediateAllocator
 
+        self._queue = queue
         self._allocate = ImmediateAllocator(queue)
+        self._kept: list[Any] = []
+        self._size = 0
 
     def __call__(self, size: int) -> Any:
         """Return a new buffer of exactly *size* bytes."""
-        return self._allocate(size)
+        if self._size > self.KEPT:
+            self._queue.finish()
+            self._kept.clear()
+            self._size = 0
+        self._kept.append(self._allocate(size))
+        self._size += size
+        return self._kept[-1]
 
     def free_held(self) -> None:
         """Nothing is held."""

@@ -37,7 +37,7 @@ __kernel void flatten(const int4 voxels, MODEL_PARAMETERS, __global uint *restri
 #else
 
 /* Do all source cells below a box of voxels agree, without a brick?  Spares looking at voxels. */
-static inline bool agree(MODEL_PARAMETERS, const int3 low, const int3 high)
+static inline bool agree(MODEL_READ, const int3 low, const int3 high)
 {
 #if LEVELS == 1
     return false;

@@ -34,6 +34,10 @@ static inline uint by_rule(const uint solid, const uint touched)
     const int4 cells, const __global uint *restrict boundary, \
     const __global uint *restrict inside, const __global uint *restrict rank, \
     const __global uint *restrict bricks, const __global uint *restrict edge
+/* The same for functions: from `restrict` there, compilers make what Oclgrind does not know. */
+#define MODEL_READ \
+    const int4 cells, const __global uint *boundary, const __global uint *inside, \
+    const __global uint *rank, const __global uint *bricks, const __global uint *edge
 #define MODEL_ARGUMENTS cells, boundary, inside, rank, bricks, edge
 
 #if RULE == CENTRE
@@ -44,7 +48,7 @@ static inline uint by_rule(const uint solid, const uint touched)
 
 #if LEVELS == 1
 
-static inline uint read_voxel(MODEL_PARAMETERS, const int x, const int y, const int z)
+static inline uint read_voxel(MODEL_READ, const int x, const int y, const int z)
 {
     const ulong word = ((ulong)z * cells.y + y) * ((cells.x + 31) / 32) + x / 32;
     return by_rule(bricks[word] >> (x % 32) & 1, EDGE_BIT(word, x % 32));
@@ -54,13 +58,14 @@ static inline uint read_voxel(MODEL_PARAMETERS, const int x, const int y, const 
 
 #include "common/bricks.h"
 
-static inline uint read_voxel(MODEL_PARAMETERS, const int x, const int y, const int z)
+static inline uint read_voxel(MODEL_READ, const int x, const int y, const int z)
 {
     const int cx = x / BRICK_X, cy = y / BRICK_Y, cz = z / BRICK_Z;
     const ulong at = cell_word(cells, cx, cy, cz);
     if (!(boundary[at] >> (cx % 32) & 1)) return by_rule(inside[at] >> (cx % 32) & 1, 0);
     const uint brick = rank_of(boundary, rank, at, cx % 32);
-    const uint voxel = ((z % BRICK_Z) * BRICK_Y + y % BRICK_Y) * BRICK_X + x % BRICK_X;
+    const int3 place = (int3)(x, y, z) - (int3)(cx, cy, cz) * (int3)(BRICK_X, BRICK_Y, BRICK_Z);
+    const uint voxel = (place.z * BRICK_Y + place.y) * BRICK_X + place.x;
     const ulong word = (ulong)brick * BRICK_WORDS + voxel / 32;
     return by_rule(bricks[word] >> (voxel % 32) & 1, EDGE_BIT(word, voxel % 32));
 }

@@ -16,7 +16,7 @@
 
 /* Set bits of row (y, z) of voxels from x `low` to before `high`, in a dense grid. */
 #if LEVELS == 1
-static inline uint count_row(MODEL_PARAMETERS, const int3 low, const int3 high)
+static inline uint count_row(MODEL_READ, const int3 low, const int3 high)
 {
     const __global uint *row = bricks + ((ulong)low.z * cells.y + low.y) * ((cells.x + 31) / 32);
     uint count = 0;
@@ -31,7 +31,7 @@ static inline uint count_row(MODEL_PARAMETERS, const int3 low, const int3 high)
 #endif
 
 /* Voxels inside from `low` to before `high`: below 2^17 * PART * PART. */
-static inline uint count_box(MODEL_PARAMETERS, const int3 low, const int3 high)
+static inline uint count_box(MODEL_READ, const int3 low, const int3 high)
 {
     uint count = 0;
 #if LEVELS == 1
