@@ -64,8 +64,8 @@ static inline uint read_voxel(MODEL_READ, const int x, const int y, const int z)
     const ulong at = cell_word(cells, cx, cy, cz);
     if (!(boundary[at] >> (cx % 32) & 1)) return by_rule(inside[at] >> (cx % 32) & 1, 0);
     const uint brick = rank_of(boundary, rank, at, cx % 32);
-    const int3 place = (int3)(x, y, z) - (int3)(cx, cy, cz) * (int3)(BRICK_X, BRICK_Y, BRICK_Z);
-    const uint voxel = (place.z * BRICK_Y + place.y) * BRICK_X + place.x;
+    const int in_x = x - cx * BRICK_X, in_y = y - cy * BRICK_Y, in_z = z - cz * BRICK_Z;
+    const uint voxel = (in_z * BRICK_Y + in_y) * BRICK_X + in_x;
     const ulong word = (ulong)brick * BRICK_WORDS + voxel / 32;
     return by_rule(bricks[word] >> (voxel % 32) & 1, EDGE_BIT(word, voxel % 32));
 }

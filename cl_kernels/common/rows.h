@@ -57,8 +57,8 @@ static inline Line shifted(const Line line, const int shift)
 /* Row (y, z) of a brick, as bits. */
 static inline ulong brick_row(const __global uint *brick, const int y, const int z)
 {
-    const int start = (z * BRICK_Y + y) * BRICK_X;
-    const int low = start % 32;
+    const uint start = (z * BRICK_Y + y) * BRICK_X;
+    const uint low = start % 32;
     const __global uint *words = brick + start / 32;
     ulong bits = words[0] >> low;
     if (low + BRICK_X > 32) bits |= (ulong)words[1] << (32 - low);

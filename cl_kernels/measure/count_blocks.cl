@@ -19,11 +19,12 @@
 static inline uint count_row(MODEL_READ, const int3 low, const int3 high)
 {
     const __global uint *row = bricks + ((ulong)low.z * cells.y + low.y) * ((cells.x + 31) / 32);
+    const uint first = low.x, last = high.x - 1;
     uint count = 0;
-    for (int w = low.x / 32; w <= (high.x - 1) / 32; ++w) {
+    for (uint w = first / 32; w <= last / 32; ++w) {
         uint bits = row[w];
-        if (w == low.x / 32) bits &= 0xffffffffu << (low.x % 32);
-        if (w == (high.x - 1) / 32) bits &= 0xffffffffu >> (31 - (high.x - 1) % 32);
+        if (w == first / 32) bits &= 0xffffffffu << (first % 32);
+        if (w == last / 32) bits &= 0xffffffffu >> (31 - last % 32);
         count += popcount(bits);
     }
     return count;
@@ -39,25 +40,22 @@ static inline uint count_box(MODEL_READ, const int3 low, const int3 high)
         for (int y = low.y; y < high.y; ++y)
             count += count_row(MODEL_ARGUMENTS, (int3)(low.x, y, z), high);
 #else
-    const int3 sides = (int3)(BRICK_X, BRICK_Y, BRICK_Z);
-    const int3 first = low / sides, last = (high - 1) / sides;
-    for (int z = first.z; z <= last.z; ++z)
-        for (int y = first.y; y <= last.y; ++y)
-            for (int x = first.x; x <= last.x; ++x) {
-                const int3 corner = (int3)(x, y, z) * sides;
-                const int3 from = max(low - corner, (int3)(0));
-                const int3 to = min(high - corner, sides);
+    for (int z = low.z / BRICK_Z; z * BRICK_Z < high.z; ++z)
+        for (int y = low.y / BRICK_Y; y * BRICK_Y < high.y; ++y)
+            for (int x = low.x / BRICK_X; x * BRICK_X < high.x; ++x) {
+                const int x0 = max(low.x - x * BRICK_X, 0), x1 = min(high.x - x * BRICK_X, BRICK_X);
+                const int y0 = max(low.y - y * BRICK_Y, 0), y1 = min(high.y - y * BRICK_Y, BRICK_Y);
+                const int z0 = max(low.z - z * BRICK_Z, 0), z1 = min(high.z - z * BRICK_Z, BRICK_Z);
                 const uint number = find_brick(cells, boundary, rank, x, y, z);
                 if (number == NO_BRICK) {
-                    const int3 size = to - from;
-                    if (inside[cell_word(cells, x, y, z)] >> (x % 32) & 1)
-                        count += (uint)size.x * size.y * size.z;
+                    if (inside[cell_word(cells, x, y, z)] >> ((uint)x % 32) & 1)
+                        count += (uint)(x1 - x0) * (y1 - y0) * (z1 - z0);
                     continue;
                 }
                 const __global uint *brick = bricks + (ulong)number * BRICK_WORDS;
-                const ulong kept = (~0UL >> (64 - to.x)) & (~0UL << from.x);
-                for (int row_z = from.z; row_z < to.z; ++row_z)
-                    for (int row_y = from.y; row_y < to.y; ++row_y)
+                const ulong kept = (~0UL >> (64 - x1)) & (~0UL << x0);
+                for (int row_z = z0; row_z < z1; ++row_z)
+                    for (int row_y = y0; row_y < y1; ++row_y)
                         count += (uint)popcount(brick_row(brick, row_y, row_z) & kept);
             }
 #endif
@@ -65,8 +63,9 @@ static inline uint count_box(MODEL_READ, const int3 low, const int3 high)
 }
 
 /* One work-item counts one part of a block.
- * voxels, side: shape of the fine grid and of a block.  blocks: blocks (x, y, z) of this launch, the
- * first of which along z is `first_z`.  parts: parts of a block along y and along z.
+ * voxels, side: shape of the fine grid and of a block.
+ * blocks: blocks (x, y, z) of this launch, the first of which along z is `first_z`.
+ * parts: parts of a block along y and along z.
  * counts: (blocks.z, parts.z, blocks.y, parts.y, blocks.x) uint32. */
 __kernel void count_blocks(
     const int4 voxels, const int4 side, const int4 blocks, const int first_z, const int2 parts,
@@ -79,9 +78,11 @@ __kernel void count_blocks(
     const int part_y = take_place(&rest, parts.x);
     const int y = take_place(&rest, blocks.y);
     const int part_z = take_place(&rest, parts.y);
-    const int3 block = (int3)(x, y, first_z + (int)rest) * side.xyz;
-    const int3 low = block + (int3)(0, part_y, part_z) * PART;
-    const int3 end = (int3)(block.x + side.x, min(low.yz + PART, block.yz + side.yz));
-    const int3 high = min(end, voxels.xyz);
-    counts[id] = all(low < high) ? count_box(MODEL_ARGUMENTS, low, high) : 0;
+    const int z = first_z + (int)rest;
+    const int3 low = (int3)(x * side.x, y * side.y + part_y * PART, z * side.z + part_z * PART);
+    const int3 high = (int3)(min((x + 1) * side.x, voxels.x),
+                             min(min(low.y + PART, (y + 1) * side.y), voxels.y),
+                             min(min(low.z + PART, (z + 1) * side.z), voxels.z));
+    const bool some = low.y < high.y && low.z < high.z;
+    counts[id] = some ? count_box(MODEL_ARGUMENTS, low, high) : 0;
 }

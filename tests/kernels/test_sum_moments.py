@@ -32,7 +32,7 @@ def test_rows_in_several_launches(
     assert measure.sum_moments(session, pack(session, voxels, brick)) == sum_moments(voxels)
 
 
-@pytest.mark.parametrize("shape", [(MAX_SHAPE, 64, MAX_SHAPE), (MAX_SHAPE, MAX_SHAPE - 7, 1)])
+@pytest.mark.parametrize("shape", [(MAX_SHAPE, 64, MAX_SHAPE), (64, MAX_SHAPE - 7, 64)])
 def test_sums_of_the_largest_box(session: Session, shape: Shape) -> None:
     """Sums of one row come close to 63 bits, and their total goes beyond 64."""
     found = measure.sum_moments(session, full(session, shape, (64, 64, 64)))
