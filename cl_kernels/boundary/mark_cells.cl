@@ -1,8 +1,8 @@
 /*
  * boundary/mark_cells.cl: the bit of every cell that some triangle touches.
  *
- * Cells are those of the coarse grid, or single voxels: of a dense grid, or in the bricks of a
- * two-level model.  Each triangle walks the columns of cells in its shadow along the dominant axis
+ * Cells are those of a coarse grid, or the smaller ones in the bricks above which a tree stands:
+ * voxels, or cells of the middle level.  Each triangle walks the columns of cells in its shadow along the dominant axis
  * of its normal, and its plane bounds the cells of each column: never all cells of its box.
  *
  * Host:       clvox/ops/boundary.py
@@ -11,10 +11,11 @@
  * Defines:    STEP_BITS  log2 of the lattice steps in one voxel
  *             CELL_X, CELL_Y, CELL_Z  sides of a cell, in voxels
  *             SINK       0: CELLS, one bit per cell, rows padded to words;
- *                        1: VOXELS, in the bricks of a two-level model
+ *                        1: VOXELS, in the bricks of a model
+ *             RUN        triangles in a row that one work-item does directly
  *             DIRECT     most columns of a triangle that is done directly
  *             TILE       side of a tile, in columns
- *             BRICK_X, BRICK_Y, BRICK_Z  sides of a brick, for the sink VOXELS
+ *             LEVELS, BRICK_*, MIDDLE_*  of the model, for the sink VOXELS (common/bricks.h)
  * Source:     separating axes in projections after M. Schwarz, H.-P. Seidel, "Fast parallel
  *             surface and solid voxelization on GPUs", ACM TOG 29(6), 2010, in integers.
  */
@@ -24,40 +25,77 @@
 #define CELLS 0
 #define VOXELS 1
 
+/* Neighbouring cells often share a word: its bits are gathered, and written when another word's
+ * turn comes. */
+#define GATHER_MARKS \
+    static inline void finish(Sink *sink) \
+    { \
+        if (sink->bits) atomic_or(sink->word, sink->bits); \
+    } \
+    static inline void set(Sink *sink, __global uint *word, const uint bit) \
+    { \
+        if (word != sink->word) { \
+            finish(sink); \
+            sink->word = word; \
+            sink->bits = 0; \
+        } \
+        sink->bits |= bit; \
+    }
+
 #if SINK == CELLS
 
 #define SINK_PARAMETERS __global uint *marks
-#define SINK_ARGUMENTS marks
-#define ROW_WORDS(cells) (((cells).x + 31) / 32)
+#define MAKE_SINK(grid) { marks, (grid).y, ((grid).x + 31) / 32, marks, 0 }
+typedef struct {
+    __global uint *marks;
+    int rows, row_words;
+    __global uint *word;
+    uint bits;
+} Sink;
 
-static inline void mark(const int3 cells, const int3 cell, SINK_PARAMETERS)
+GATHER_MARKS
+
+static inline void mark(Sink *sink, const int3 cell)
 {
-    const ulong row = (ulong)cell.z * cells.y + cell.y;
-    atomic_or(marks + row * ROW_WORDS(cells) + cell.x / 32, 1u << (cell.x % 32));
+    const ulong row = (ulong)cell.z * sink->rows + cell.y;
+    set(sink, sink->marks + row * sink->row_words + cell.x / 32, 1u << (cell.x % 32));
 }
 
 #else
 
 #include "common/bricks.h"
 
-#define SINK_PARAMETERS \
-    const int4 coarse, const __global uint *boundary, const __global uint *rank, \
-    __global uint *marks
-#define SINK_ARGUMENTS coarse, boundary, rank, marks
+#define SINK_PARAMETERS TREE_PARAMETERS, __global uint *marks
+#define MAKE_SINK(grid) { TREE, marks, (int3)(-1), NO_BRICK, marks, 0 }
+typedef struct {
+    Tree tree;
+    __global uint *marks;
+    int3 above;  /* the cell looked up last, since neighbouring voxels share it */
+    uint brick;
+    __global uint *word;
+    uint bits;
+} Sink;
 
-static inline void mark(const int3 cells, const int3 cell, SINK_PARAMETERS)
+GATHER_MARKS
+
+static inline void mark(Sink *sink, const int3 cell)
 {
-    const uint brick = find_brick(
-        coarse, boundary, rank, cell.x / BRICK_X, cell.y / BRICK_Y, cell.z / BRICK_Z);
-    if (brick == NO_BRICK) return;
-    const int voxel = ((cell.z % BRICK_Z) * BRICK_Y + cell.y % BRICK_Y) * BRICK_X + cell.x % BRICK_X;
-    atomic_or(marks + (ulong)brick * BRICK_WORDS + voxel / 32, 1u << (voxel % 32));
+    const int3 sides = (int3)(BRICK_X, BRICK_Y, BRICK_Z);
+    const int3 above = cell / sides;
+    if (any(above != sink->above)) {
+        sink->above = above;
+        sink->brick = find_brick(sink->tree, above.x, above.y, above.z);
+    }
+    if (sink->brick == NO_BRICK) return;
+    const int3 at = cell - above * sides;
+    const int bit = (at.z * BRICK_Y + at.y) * BRICK_X + at.x;
+    set(sink, sink->marks + (ulong)sink->brick * BRICK_WORDS + bit / 32, 1u << (bit % 32));
 }
 
 #endif
 
 /* All cells in a box of columns that the triangle touches. */
-static void mark_columns(const int3 cells, const Solid *s, const int4 box, SINK_PARAMETERS)
+static void mark_columns(Sink *sink, const Solid *s, const int4 box)
 {
     for (int i = box.x; i <= box.z; ++i) {
         const int u = i * s->cell.x - HALF_STEP;
@@ -67,23 +105,16 @@ static void mark_columns(const int3 cells, const Solid *s, const int4 box, SINK_
             const int2 depths = depths_in_column(s, u, v);
             for (int k = depths.x; k <= depths.y; ++k)
                 if (cell_meets(s, u, v, k * s->cell.z - HALF_STEP))
-                    mark(cells, restore((int3)(i, j, k), s->axis), SINK_ARGUMENTS);
+                    mark(sink, restore((int3)(i, j, k), s->axis));
         }
     }
 }
 
-/* One work-item does triangle `first` + id if it has few columns; else it puts it on the list.
- * cells: shape of the grid of cells (x, y, z).
- * faces: (m, 3) int32, vertices: (n, 3) int32, on the lattice.
- * listed: (1,) uint32, length of the list, zero before the first launch.
- * list: (m,) uint32, triangle numbers in no particular order. */
-__kernel void mark_direct(
-    const ulong first, const ulong last, const int4 cells,
-    const __global int *restrict faces, const __global int *restrict vertices,
-    __global uint *listed, __global uint *list, SINK_PARAMETERS)
+/* All cells that one triangle touches; or false if its columns are too many. */
+static bool mark_triangle(
+    Sink *sink, const int3 grid, const __global int *faces, const __global int *vertices,
+    const ulong triangle)
 {
-    const ulong triangle = first + get_global_id(0);
-    if (triangle >= last) return;
     const int3 a = corner_of(vertices, faces[3 * triangle]);
     const int3 b = corner_of(vertices, faces[3 * triangle + 1]);
     const int3 c = corner_of(vertices, faces[3 * triangle + 2]);
@@ -95,41 +126,60 @@ __kernel void mark_direct(
     const int3 last_cell = (int3)(last_touched(high.x, side.x), last_touched(high.y, side.y),
                                   last_touched(high.z, side.z));
     const int3 from = max(first_cell, (int3)(0));
-    const int3 to = min(last_cell, cells.xyz - 1);
-    if (to.x < from.x || to.y < from.y || to.z < from.z) return;
+    const int3 to = min(last_cell, grid - 1);
+    if (to.x < from.x || to.y < from.y || to.z < from.z) return true;
     const int3 more = last_cell - first_cell;
     if ((more.x > 0) + (more.y > 0) + (more.z > 0) <= 1) {
         /* One row of cells holds the whole triangle and is touched at both ends: all of it is. */
         for (int z = from.z; z <= to.z; ++z)
             for (int y = from.y; y <= to.y; ++y)
-                for (int x = from.x; x <= to.x; ++x)
-                    mark(cells.xyz, (int3)(x, y, z), SINK_ARGUMENTS);
-        return;
+                for (int x = from.x; x <= to.x; ++x) mark(sink, (int3)(x, y, z));
+        return true;
     }
     Solid s;
-    const int4 box = make_solid(&s, faces, vertices, triangle, cells.xyz);
-    if (is_small(box)) mark_columns(cells.xyz, &s, box, SINK_ARGUMENTS);
-    else list[atomic_inc(listed)] = (uint)triangle;
+    const int4 box = make_solid(&s, faces, vertices, triangle, grid);
+    if (!is_small(box)) return false;
+    mark_columns(sink, &s, box);
+    return true;
+}
+
+/* One work-item does RUN triangles in a row, from `first` on: those of few columns; the others it
+ * puts on the list.
+ * grid: shape of the grid of cells (x, y, z).
+ * faces: (m, 3) int32, vertices: (n, 3) int32, on the lattice.
+ * listed: (1,) uint32, length of the list, zero before the first launch.
+ * list: (m,) uint32, triangle numbers in no particular order. */
+__kernel void mark_direct(
+    const ulong first, const ulong last, const int4 grid,
+    const __global int *restrict faces, const __global int *restrict vertices,
+    __global uint *listed, __global uint *list, SINK_PARAMETERS)
+{
+    const ulong start = first + get_global_id(0) * RUN;
+    Sink sink = MAKE_SINK(grid);
+    for (ulong triangle = start; triangle < min(start + RUN, last); ++triangle)
+        if (!mark_triangle(&sink, grid.xyz, faces, vertices, triangle))
+            list[atomic_inc(listed)] = (uint)triangle;
+    finish(&sink);
 }
 
 /* One work-item counts the tiles of one listed triangle.
  * tiles: (entries,) uint32. */
 __kernel void count_tiles(
-    const uint entries, const int4 cells,
+    const uint entries, const int4 grid,
     const __global int *restrict faces, const __global int *restrict vertices,
     const __global uint *restrict list, __global uint *restrict tiles)
 {
     const uint id = get_global_id(0);
     if (id >= entries) return;
     Solid s;
-    const int2 sides = tiles_of(make_solid(&s, faces, vertices, list[id], cells.xyz));
+    const int2 sides = tiles_of(make_solid(&s, faces, vertices, list[id], grid.xyz));
     tiles[id] = (uint)sides.x * (uint)sides.y;
 }
 
 /* One work-item does one tile of columns of one listed triangle.
  * offsets: (entries,) uint64, exclusive prefix sum of the tiles. */
 __kernel void mark_tiles(
-    const ulong first, const ulong last, const uint entries, const int4 cells,
+    const ulong first, const ulong last, const uint entries, const int4 grid,
     const __global int *restrict faces, const __global int *restrict vertices,
     const __global uint *restrict list, const __global ulong *restrict offsets, SINK_PARAMETERS)
 {
@@ -137,6 +187,8 @@ __kernel void mark_tiles(
     if (pair >= last) return;
     const uint item = entry_of(offsets, entries, pair);
     Solid s;
-    const int4 box = make_solid(&s, faces, vertices, list[item], cells.xyz);
-    mark_columns(cells.xyz, &s, tile_box(box, (uint)(pair - offsets[item])), SINK_ARGUMENTS);
+    const int4 box = make_solid(&s, faces, vertices, list[item], grid.xyz);
+    Sink sink = MAKE_SINK(grid);
+    mark_columns(&sink, &s, tile_box(box, (uint)(pair - offsets[item])));
+    finish(&sink);
 }

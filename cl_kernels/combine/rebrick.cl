@@ -1,19 +1,20 @@
 /*
  * combine/rebrick.cl: the same voxels in bricks of another size, or in a dense grid.
  *
- * A cell of the result gets a brick only if its voxels really differ; so bricks of the same size
- * are compacted.
+ * With PRUNE a cell of the result gets a brick only if its voxels really differ; so bricks of the
+ * same size are compacted.
  *
  * Host:       clvox/ops/combine.py, rebrick()
  * Reference:  clvox/reference/multilevel.py, from_voxels()
  * Tests:      tests/kernels/test_combine.py
- * Defines:    LEVELS, RULE = 0, BRICK_X, BRICK_Y, BRICK_Z  of the source (common/model.h)
- *             NEW_X, NEW_Y, NEW_Z  sides of the result's bricks; 0 for a dense grid
+ * Defines:    LEVELS, RULE = 0, BRICK_*, MIDDLE_*  of the source (common/model.h)
+ *             PRUNE  1: bricks whose voxels are all alike are left out; 0: kept
+ *             NEW_X, NEW_Y, NEW_Z        sides of the result's cells in voxels; 0: a dense grid
+ *             ABOVE_X, ABOVE_Y, ABOVE_Z  cells along the sides of the result's bricks of cells
  */
 #include "common/index.h"
 #include "common/model.h"
 
-#define NEW_SIZE (NEW_X * NEW_Y * NEW_Z)
 
 #if NEW_X == 0
 
@@ -37,27 +38,57 @@ __kernel void flatten(const int4 voxels, MODEL_PARAMETERS, __global uint *restri
 #else
 
 /* Do all source cells below a box of voxels agree, without a brick?  Spares looking at voxels. */
-static inline bool agree(MODEL_READ, const int3 low, const int3 high)
+static inline bool agree(MODEL_PARAMETERS, const int3 low, const int3 high)
 {
 #if LEVELS == 1
     return false;
 #else
     const int3 brick = (int3)(BRICK_X, BRICK_Y, BRICK_Z);
     const int3 first = low / brick, last = high / brick;
-    const uint state = inside[cell_word(cells, first.x, first.y, first.z)] >> (first.x % 32) & 1;
+    const ulong state = cell_state(MODEL_ARGUMENTS, first.x, first.y, first.z);
+    if (state < CELL_OUTSIDE) return false;
     for (int z = first.z; z <= last.z; ++z)
         for (int y = first.y; y <= last.y; ++y)
-            for (int x = first.x; x <= last.x; ++x) {
-                const ulong word = cell_word(cells, x, y, z);
-                if (boundary[word] >> (x % 32) & 1) return false;
-                if ((inside[word] >> (x % 32) & 1) != state) return false;
-            }
+            for (int x = first.x; x <= last.x; ++x)
+                if (cell_state(MODEL_ARGUMENTS, x, y, z) != state) return false;
     return true;
 #endif
 }
 
-/* One work-item tells apart the 32 cells of one word of the result.
- * voxels: shape; counts: cells of the result.
+#if LEVELS > 1
+
+/* Does any source cell below a box of voxels have a brick? */
+static inline bool has_brick(MODEL_PARAMETERS, const int3 low, const int3 high)
+{
+    const int3 brick = (int3)(BRICK_X, BRICK_Y, BRICK_Z);
+    const int3 first = low / brick, last = high / brick;
+    for (int z = first.z; z <= last.z; ++z)
+        for (int y = first.y; y <= last.y; ++y)
+            for (int x = first.x; x <= last.x; ++x)
+                if (cell_state(MODEL_ARGUMENTS, x, y, z) < CELL_OUTSIDE) return true;
+    return false;
+}
+
+#endif
+
+/* State of a box of voxels: that of all of them, or 2 if they differ.  Without PRUNE it is 2 too
+ * where the source has a brick, since a triangle may touch voxels that are all alike. */
+static inline uint state_of(MODEL_PARAMETERS, const int3 low, const int3 high)
+{
+    const uint state = read_voxel(MODEL_ARGUMENTS, low.x, low.y, low.z);
+    if (agree(MODEL_ARGUMENTS, low, high)) return state;
+#if LEVELS > 1 && !PRUNE
+    if (has_brick(MODEL_ARGUMENTS, low, high)) return 2;
+#endif
+    for (int k = low.z; k <= high.z; ++k)
+        for (int j = low.y; j <= high.y; ++j)
+            for (int i = low.x; i <= high.x; ++i)
+                if (read_voxel(MODEL_ARGUMENTS, i, j, k) != state) return 2;
+    return state;
+}
+
+/* One work-item tells apart the 32 cells of one word of the result's coarse grid.
+ * voxels: shape of the fine grid; counts: cells of NEW_* voxels.
  * mixed, solid: bits of the result's cells, undefined on entry. */
 __kernel void rebrick_cells(
     const int4 voxels, const int4 counts, MODEL_PARAMETERS,
@@ -70,63 +101,70 @@ __kernel void rebrick_cells(
     const int first = 32 * take_place(&rest, row_words);
     const int y = take_place(&rest, counts.y);
     const int z = (int)rest;
+    const int3 sides = (int3)(NEW_X, NEW_Y, NEW_Z);
     uint differ = 0, in = 0;
     for (int lane = 0; lane < min(counts.x - first, 32); ++lane) {
-        const int3 low = (int3)(first + lane, y, z) * (int3)(NEW_X, NEW_Y, NEW_Z);
-        const int3 high = min(low + (int3)(NEW_X, NEW_Y, NEW_Z), voxels.xyz) - 1;
-        const uint state = read_voxel(MODEL_ARGUMENTS, low.x, low.y, low.z);
-        bool same = true;
-        if (!agree(MODEL_ARGUMENTS, low, high))
-            for (int k = low.z; same && k <= high.z; ++k)
-                for (int j = low.y; same && j <= high.y; ++j)
-                    for (int i = low.x; same && i <= high.x; ++i)
-                        same = read_voxel(MODEL_ARGUMENTS, i, j, k) == state;
-        differ |= (uint)!same << lane;
-        in |= (uint)(same && state) << lane;
+        const int3 low = (int3)(first + lane, y, z) * sides;
+        const uint state = state_of(MODEL_ARGUMENTS, low, min(low + sides, voxels.xyz) - 1);
+        differ |= (state >> 1) << lane;
+        in |= (state & 1) << lane;
     }
     mixed[id] = differ;
     solid[id] = in;
 }
 
-/* One work-item writes the bricks of the 32 cells of one word of the result.
- * mixed, ranks: of the result.  result: bricks, all words written. */
-__kernel void rebrick_bricks(
-    const int4 voxels, const int4 counts, MODEL_PARAMETERS,
-    const __global uint *restrict mixed, const __global uint *restrict ranks,
+/* One work-item tells apart the 32 cells of NEW_* voxels of one word of the result's bricks of
+ * ABOVE_* cells.
+ * owners: (bricks, 3) int32, the coarse cell of each brick. */
+__kernel void rebrick_middle(
+    const ulong words, const int4 voxels, const __global int *restrict owners, MODEL_PARAMETERS,
+    __global uint *restrict mixed, __global uint *restrict solid)
+{
+    const ulong id = get_global_id(0);
+    if (id >= words) return;
+    const int brick_words = (ABOVE_X * ABOVE_Y * ABOVE_Z + 31) / 32;
+    ulong brick = id;
+    const int first = 32 * take_place(&brick, brick_words);
+    const int3 corner = vload3(brick, owners) * (int3)(ABOVE_X, ABOVE_Y, ABOVE_Z);
+    const int3 sides = (int3)(NEW_X, NEW_Y, NEW_Z);
+    uint differ = 0, in = 0;
+    for (int lane = 0; lane < min(ABOVE_X * ABOVE_Y * ABOVE_Z - first, 32); ++lane) {
+        ulong rest = first + lane;
+        const int x = take_place(&rest, ABOVE_X);
+        const int y = take_place(&rest, ABOVE_Y);
+        const int3 low = (corner + (int3)(x, y, (int)rest)) * sides;
+        if (any(low >= voxels.xyz)) continue;
+        const uint state = state_of(MODEL_ARGUMENTS, low, min(low + sides, voxels.xyz) - 1);
+        differ |= (state >> 1) << lane;
+        in |= (state & 1) << lane;
+    }
+    mixed[id] = differ;
+    solid[id] = in;
+}
+
+/* One work-item writes one word of one of the result's bricks of NEW_* voxels.
+ * owners: (bricks, 3) int32, the cell of each brick.  result: undefined on entry. */
+__kernel void rebrick_voxels(
+    const ulong words, const int4 voxels, const __global int *restrict owners, MODEL_PARAMETERS,
     __global uint *restrict result)
 {
-    const int row_words = (counts.x + 31) / 32;
     const ulong id = get_global_id(0);
-    if (id >= (ulong)row_words * counts.y * counts.z) return;
-    if (!mixed[id]) return;
-    ulong rest = id;
-    const int first = 32 * take_place(&rest, row_words);
-    const int y = take_place(&rest, counts.y);
-    const int z = (int)rest;
-    uint before = ranks[id / 8];
-    for (ulong w = id & ~7UL; w < id; ++w) before += popcount(mixed[w]);
-    __global uint *brick = result + (ulong)before * ((NEW_SIZE + 31) / 32);
-    for (uint left = mixed[id]; left; left &= left - 1, brick += (NEW_SIZE + 31) / 32) {
-        const int lane = popcount((left & -left) - 1);
-        const int3 low = (int3)(first + lane, y, z) * (int3)(NEW_X, NEW_Y, NEW_Z);
-        const int3 size = voxels.xyz - low;
-        int i = 0, j = 0, k = 0;
-        uint bits = 0;
-        for (int voxel = 0; voxel < NEW_SIZE; ++voxel) {
-            if (i < size.x && j < size.y && k < size.z)
-                bits |= read_voxel(MODEL_ARGUMENTS, low.x + i, low.y + j, low.z + k)
-                        << (voxel % 32);
-            if (voxel % 32 == 31 || voxel == NEW_SIZE - 1) {
-                brick[voxel / 32] = bits;
-                bits = 0;
-            }
-            if (++i < NEW_X) continue;
-            i = 0;
-            if (++j < NEW_Y) continue;
-            j = 0;
-            ++k;
-        }
+    if (id >= words) return;
+    const int size = NEW_X * NEW_Y * NEW_Z;
+    const int brick_words = (size + 31) / 32;
+    ulong brick = id;
+    const int first = 32 * take_place(&brick, brick_words);
+    const int3 low = vload3(brick, owners) * (int3)(NEW_X, NEW_Y, NEW_Z);
+    uint bits = 0;
+    for (int lane = 0; lane < min(size - first, 32); ++lane) {
+        ulong rest = first + lane;
+        const int x = low.x + take_place(&rest, NEW_X);
+        const int y = low.y + take_place(&rest, NEW_Y);
+        const int z = low.z + (int)rest;
+        if (x < voxels.x && y < voxels.y && z < voxels.z)
+            bits |= read_voxel(MODEL_ARGUMENTS, x, y, z) << lane;
     }
+    result[id] = bits;
 }
 
 #endif

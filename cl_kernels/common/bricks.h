@@ -1,15 +1,20 @@
 /*
- * common/bricks.h: where the bits of a two-level model are.
+ * common/bricks.h: where the bits of a model of two or three levels are.
  *
  * Cells of the coarse grid are bits, x fastest, rows padded to whole 32-bit words.  A brick holds
- * the voxels of one boundary cell as bits, x fastest, padded to whole words; bricks are numbered
- * in the order of their cells.  A face is the n1x * n1z rays along y through a cell, as bits, x
- * fastest, padded to whole words (docs/layouts draws all of them).
+ * the cells of the next level within one boundary cell as bits, x fastest, padded to whole words;
+ * bricks are numbered in the order of their cells' bits.  A face is the rays along y through a
+ * cell of voxels, as bits, x fastest, padded to whole words (docs/layouts draws all of them).
  *
- * Defines:    BRICK_X, BRICK_Y, BRICK_Z  voxels along the sides of a brick
+ * Defines:    LEVELS                        2 or 3
+ *             BRICK_X, BRICK_Y, BRICK_Z     voxels along the sides of a brick of voxels
+ *             MIDDLE_X, MIDDLE_Y, MIDDLE_Z  if LEVELS is 3, cells along the sides of a brick of
+ *                                           cells
  */
 #ifndef CLVOX_BRICKS_H
 #define CLVOX_BRICKS_H
+
+#include "common/index.h"
 
 #define BRICK_WORDS ((BRICK_X * BRICK_Y * BRICK_Z + 31) / 32)
 #define FACE_WORDS ((BRICK_X * BRICK_Z + 31) / 32)
@@ -36,8 +41,8 @@ static inline uint rank_of(
     return count;
 }
 
-/* Brick of a cell, or NO_BRICK. */
-static inline uint find_brick(
+/* Brick of cell (x, y, z) of the coarse grid, or NO_BRICK. */
+static inline uint find_coarse(
     const int4 cells, const __global uint *boundary, const __global uint *rank,
     const int x, const int y, const int z)
 {
@@ -46,4 +51,64 @@ static inline uint find_brick(
     return rank_of(boundary, rank, word, x % 32);
 }
 
+/* The tree above the bricks of voxels, as kernel arguments and as a value.
+ * cells: shape of the coarse grid; boundary, rank: its bits and their ranks;
+ * middle, middle_rank: the same in bricks of cells, if LEVELS is 3. */
+#if LEVELS == 3
+
+#define MIDDLE_WORDS ((MIDDLE_X * MIDDLE_Y * MIDDLE_Z + 31) / 32)
+#define TREE_PARAMETERS \
+    const int4 cells, const __global uint *boundary, const __global uint *rank, \
+    const __global uint *middle, const __global uint *middle_rank
+#define TREE_ARGUMENTS cells, boundary, rank, middle, middle_rank
+#define TREE { TREE_ARGUMENTS }
+
+typedef struct {
+    int4 cells;
+    const __global uint *boundary;
+    const __global uint *rank;
+    const __global uint *middle;
+    const __global uint *middle_rank;
+} Tree;
+
+/* Bit, counted over all bricks of cells, of the cell of voxels (x, y, z), which lies in brick
+ * `node`. */
+static inline ulong middle_bit(const uint node, const int x, const int y, const int z)
+{
+    const int at = (place_in(z, MIDDLE_Z) * MIDDLE_Y + place_in(y, MIDDLE_Y)) * MIDDLE_X
+                 + place_in(x, MIDDLE_X);
+    return (ulong)node * (32 * MIDDLE_WORDS) + at;
+}
+
+/* Brick of voxels of the cell (x, y, z) of the last level but one, or NO_BRICK. */
+static inline uint find_brick(const Tree tree, const int x, const int y, const int z)
+{
+    const uint node = find_coarse(
+        tree.cells, tree.boundary, tree.rank, x / MIDDLE_X, y / MIDDLE_Y, z / MIDDLE_Z);
+    if (node == NO_BRICK) return NO_BRICK;
+    const ulong bit = middle_bit(node, x, y, z);
+    if (!(tree.middle[bit / 32] >> (bit % 32) & 1)) return NO_BRICK;
+    return rank_of(tree.middle, tree.middle_rank, bit / 32, bit % 32);
+}
+
+#else
+
+#define TREE_PARAMETERS \
+    const int4 cells, const __global uint *boundary, const __global uint *rank
+#define TREE_ARGUMENTS cells, boundary, rank
+#define TREE { TREE_ARGUMENTS }
+
+typedef struct {
+    int4 cells;
+    const __global uint *boundary;
+    const __global uint *rank;
+} Tree;
+
+/* Brick of voxels of the cell (x, y, z), or NO_BRICK. */
+static inline uint find_brick(const Tree tree, const int x, const int y, const int z)
+{
+    return find_coarse(tree.cells, tree.boundary, tree.rank, x, y, z);
+}
+
+#endif
 #endif

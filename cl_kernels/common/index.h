@@ -16,4 +16,10 @@ static inline int take_place(ulong *number, const int count)
     return place;
 }
 
+/* Which of the `side` places of its cell a voxel, or a cell of a larger one, has. */
+static inline int place_in(const int at, const int side)
+{
+    return at - at / side * side;
+}
+
 #endif

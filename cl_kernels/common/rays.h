@@ -67,7 +67,7 @@ static inline bool box_is_empty(const int4 box)
 }
 
 /* Does the edge (du, dv), its triangle to the left, own a ray that runs through it?  Every centre
- * stands for itself moved by (e, e^2, e^3) in (x, y, z), e -> 0+ (DESIGN section 3): the edge
+ * stands for itself moved by (e, e^2, e^3) in (x, y, z), e -> 0+ (docs/algorithms): the edge
  * function du * pv - dv * pu grows when the centre moves. */
 static inline bool edge_owns(const int2 d)
 {

@@ -1,7 +1,5 @@
 /*
- * common/rows.h: rows of up to 64 voxels along x, as bits, and sums over them.
- *
- * Defines:    BRICK_X, BRICK_Y, BRICK_Z  sides of a brick, if LEVELS is 2
+ * common/rows.h: rows of up to 64 voxels or cells along x, as bits, and sums over them.
  */
 #ifndef CLVOX_ROWS_H
 #define CLVOX_ROWS_H
@@ -52,22 +50,36 @@ static inline Line shifted(const Line line, const int shift)
     return moved;
 }
 
-#if LEVELS == 2
-
-/* Row (y, z) of a brick, as bits. */
-static inline ulong brick_row(const __global uint *brick, const int y, const int z)
+/* Every position becomes `side` of them. */
+static inline Line widened(const Line line, const int side)
 {
-    const uint start = (z * BRICK_Y + y) * BRICK_X;
+    const ulong n = side;
+    const Line within = sum_range(0, side);
+    Line wide = {
+        line.count * n,
+        line.first * n * n + line.count * within.first,
+        line.second * n * n * n + 2 * line.first * n * within.first + line.count * within.second,
+    };
+    return wide;
+}
+
+/* Binary places of a number below `count`, at most 64. */
+static inline int places_of(const int count)
+{
+    return count > 32 ? 6 : count > 16 ? 5 : count > 8 ? 4 : count > 4 ? 3 : 2;
+}
+
+/* Row (y, z) of a brick of `width` by `height` by any number, as bits. */
+static inline ulong brick_row(
+    const __global uint *brick, const int width, const int height, const int y, const int z)
+{
+    const uint start = (z * height + y) * width;
     const uint low = start % 32;
     const __global uint *words = brick + start / 32;
     ulong bits = words[0] >> low;
-    if (low + BRICK_X > 32) bits |= (ulong)words[1] << (32 - low);
-    if (low + BRICK_X > 64) bits |= (ulong)words[2] << (64 - low);
-#if BRICK_X < 64
-    bits &= (1UL << BRICK_X) - 1;
-#endif
-    return bits;
+    if (low + width > 32) bits |= (ulong)words[1] << (32 - low);
+    if (low + width > 64) bits |= (ulong)words[2] << (64 - low);
+    return bits & (~0UL >> (64 - width));
 }
 
-#endif
 #endif

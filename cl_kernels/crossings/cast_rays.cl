@@ -11,9 +11,11 @@
  * Defines:    AXIS       axis of the rays: 0, 1 or 2; 1 for all sinks but COUNT
  *             STEP_BITS  log2 of the lattice steps in one voxel
  *             SINK       0: COUNT, 1: DENSE, 2: BRICKS (crossings/sinks.h)
+ *             EDGE_BITS  32 or 64, of the edge functions (crossings/rasterise.h)
+ *             RUN        triangles in a row that one work-item does directly
  *             DIRECT     most candidate rays of a triangle that is done directly
  *             TILE       side of a tile, in rays
- *             BRICK_X, BRICK_Y, BRICK_Z  sides of a brick, for the sink BRICKS
+ *             LEVELS, BRICK_*, MIDDLE_*  of the model, for the sink BRICKS (common/bricks.h)
  * Source:     after M. Schwarz, H.-P. Seidel, "Fast parallel surface and solid voxelization on
  *             GPUs", ACM TOG 29(6), 2010, in integers and with ties broken by an infinitesimal.
  */
@@ -21,32 +23,22 @@
 #include "common/tiles.h"
 #include "crossings/sinks.h"
 
-#define EDGE int
-#define RASTERISE rasterise_int
-#include "crossings/rasterise.h"
-#undef EDGE
-#undef RASTERISE
-#define EDGE long
-#define RASTERISE rasterise_long
 #include "crossings/rasterise.h"
 
-/* Do the triangle's edge functions, in units of a voxel, fit 32 bits wherever they are stepped? */
-static inline bool fits_int(const Facet f)
+/* Do the triangle's edge functions, in units of a voxel, fit edge_t wherever they are stepped? */
+static inline bool fits_edge(const Facet f)
 {
+#if EDGE_BITS == 64
+    return true;
+#endif
     const int2 low = min(min(f.a.xy, f.b.xy), f.c.xy);
     const int2 high = max(max(f.a.xy, f.b.xy), f.c.xy);
     const long2 side = convert_long2(high - low);
     return ((side.x * side.y) >> STEP_BITS) + side.x + side.y < (long)INT_MAX - 16;
 }
 
-static inline void rasterise(Sink *sink, const Facet f, const int4 box)
-{
-    if (fits_int(f)) rasterise_int(sink, f, box);
-    else rasterise_long(sink, f, box);
-}
-
-/* One work-item does triangle `first` + id if it has few candidate rays; else it puts it on the
- * list.
+/* One work-item does RUN triangles in a row, from `first` on: those of few candidate rays whose
+ * edge functions fit; the others it puts on the list.
  * rays: how many along u and v.
  * faces: (m, 3) int32, vertices: (n, 3) int32, on the lattice.
  * listed: (1,) uint32, length of the list, zero before the first launch.
@@ -56,17 +48,16 @@ __kernel void cast_direct(
     const __global int *restrict faces, const __global int *restrict vertices,
     __global uint *listed, __global uint *list, SINK_PARAMETERS)
 {
-    const ulong triangle = first + get_global_id(0);
-    if (triangle >= last) return;
-    const Facet f = load_facet(faces, vertices, triangle);
-    const int4 box = ray_box(f, rays);
-    if (f.area == 0 || box_is_empty(box)) return;
-    if (is_small(box)) {
-        Sink sink = MAKE_SINK(rays);
-        rasterise(&sink, f, box);
-    } else {
-        list[atomic_inc(listed)] = (uint)triangle;
+    const ulong start = first + get_global_id(0) * RUN;
+    Sink sink = MAKE_SINK(rays);
+    for (ulong triangle = start; triangle < min(start + RUN, last); ++triangle) {
+        const Facet f = load_facet(faces, vertices, triangle);
+        const int4 box = ray_box(f, rays);
+        if (f.area == 0 || box_is_empty(box)) continue;
+        if (is_small(box) && fits_edge(f)) rasterise(&sink, f, box);
+        else list[atomic_inc(listed)] = (uint)triangle;
     }
+    finish(&sink);
 }
 
 /* One work-item counts the tiles of one listed triangle.
@@ -96,4 +87,5 @@ __kernel void cast_tiles(
     const int4 box = tile_box(ray_box(f, rays), (uint)(pair - offsets[item]));
     Sink sink = MAKE_SINK(rays);
     rasterise(&sink, f, box);
+    finish(&sink);
 }

@@ -1,9 +1,9 @@
 /*
  * crossings/rasterise.h: every crossing of the rays in a box with one triangle.
  *
- * Included twice, with EDGE = int for triangles whose edge functions fit 32 bits and with
- * EDGE = long for all others; the answers are the same.  Before the first inclusion a sink is
- * defined: a type Sink and a function cross(Sink *, int u, int v, int slot).
+ * Edge functions are stepped in 32 bits, for triangles where they fit, or in 64; the answers are
+ * the same.  A sink is defined before: a type Sink and a function cross(Sink *, int u, int v, int
+ * slot).
  *
  * Rays are STEP apart, so an edge function W changes by whole multiples of STEP from ray to ray:
  * E = (W - t) >> STEP_BITS is stepped, with t = 0 if the edge owns its rays and 1 if not, and
@@ -15,9 +15,17 @@
  * that.  Where it leaves the side of the nearest centre open, the sign of the exact residual
  * decides: |residual| <= area * STEP <= 2^62, so arithmetic modulo 2^64 keeps its sign.
  *
- * Defines:    EDGE, RASTERISE  type of the edge functions and name of the function
+ * Defines:    EDGE_BITS  32 or 64
  */
-static void RASTERISE(Sink *sink, const Facet f, const int4 box)
+#if EDGE_BITS == 32
+typedef int edge_t;
+#else
+typedef long edge_t;
+#endif
+
+#define ROUNDER 12582912.0f
+
+static inline void rasterise(Sink *sink, const Facet f, const int4 box)
 {
     #pragma OPENCL FP_CONTRACT OFF
     const int2 ab = f.b.xy - f.a.xy;
@@ -30,13 +38,13 @@ static void RASTERISE(Sink *sink, const Facet f, const int4 box)
     const long wa = (long)bc.x * (p.y - f.b.y) - (long)bc.y * (p.x - f.b.x) - ta;
     const long wb = (long)ca.x * (p.y - f.c.y) - (long)ca.y * (p.x - f.c.x) - tb;
     const long wc = (long)ab.x * (p.y - f.a.y) - (long)ab.y * (p.x - f.a.x) - tc;
-    EDGE row_a = (EDGE)(wa >> STEP_BITS);
-    EDGE row_b = (EDGE)(wb >> STEP_BITS);
-    EDGE row_c = (EDGE)(wc >> STEP_BITS);
+    edge_t row_a = (edge_t)(wa >> STEP_BITS);
+    edge_t row_b = (edge_t)(wb >> STEP_BITS);
+    edge_t row_c = (edge_t)(wc >> STEP_BITS);
 
     /* A box that is only a part of the triangle's may lie beside it altogether. */
-    const EDGE du = box.z - box.x;
-    const EDGE dv = box.w - box.y;
+    const edge_t du = box.z - box.x;
+    const edge_t dv = box.w - box.y;
     if (row_a + max(bc.x, 0) * dv + max(-bc.y, 0) * du < 0) return;
     if (row_b + max(ca.x, 0) * dv + max(-ca.y, 0) * du < 0) return;
     if (row_c + max(ab.x, 0) * dv + max(-ab.y, 0) * du < 0) return;
@@ -59,15 +67,17 @@ static void RASTERISE(Sink *sink, const Facet f, const int4 box)
     const long tie = tie_bit(f);
 
     for (int u = box.x; u <= box.z; ++u) {
-        EDGE ea = row_a;
-        EDGE eb = row_b;
-        EDGE ec = row_c;
+        edge_t ea = row_a;
+        edge_t eb = row_b;
+        edge_t ec = row_c;
         for (int v = box.y; v <= box.w; ++v) {
             if ((ea | eb | ec) >= 0) {
                 const float estimate = (float)ea * slope_a + (float)eb * slope_b + base;
-                const float nearest = rint(estimate);
-                const float beyond = estimate - nearest;
-                const int m = (int)nearest;
+                /* Rounded to the nearest integer by its place in the significand: exact for
+                 * |estimate| < 2^22, and quicker than rint() on some devices. */
+                const float shifted = estimate + ROUNDER;
+                const float beyond = estimate - (shifted - ROUNDER);
+                const int m = as_int(shifted) - as_int(ROUNDER);
                 bool after = beyond > 0.0f;
                 if (fabs(beyond) <= doubt) {
                     const ulong weight_a = ((ulong)(long)ea << STEP_BITS) + (ulong)rest_a;

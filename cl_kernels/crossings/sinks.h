@@ -1,8 +1,10 @@
 /*
  * crossings/sinks.h: what becomes of a crossing.
  *
- * A sink is a type Sink and a function cross(); SINK_PARAMETERS are its kernel arguments and
- * MAKE_SINK gathers them.  All sinks commute, so the order of the triangles never shows.
+ * A sink is a type Sink with the functions cross() and finish(); SINK_PARAMETERS are its kernel
+ * arguments and MAKE_SINK gathers them.  All sinks commute, so the order of the triangles never
+ * shows.  Neighbouring crossings often flip bits of one word: these are gathered, and written
+ * when another word's turn comes.
  *
  * Defines:    SINK  COUNT, DENSE or BRICKS; and what these need: see cast_rays.cl
  */
@@ -12,6 +14,21 @@
 #define COUNT 0
 #define DENSE 1
 #define BRICKS 2
+
+#define GATHER_FLIPS \
+    static inline void finish(Sink *sink) \
+    { \
+        if (sink->bits) atomic_xor(sink->word, sink->bits); \
+    } \
+    static inline void flip(Sink *sink, __global uint *word, const uint bit) \
+    { \
+        if (word != sink->word) { \
+            finish(sink); \
+            sink->word = word; \
+            sink->bits = 0; \
+        } \
+        sink->bits ^= bit; \
+    }
 
 #if SINK == COUNT
 
@@ -33,26 +50,30 @@ static inline void cross(Sink *sink, const int u, const int v, const int slot)
     atomic_inc(sink->counts + ray);
 }
 
+static inline void finish(Sink *sink) {}
+
 #elif SINK == DENSE
 
 /* Rays along y: u is z and v is x.  The bit flipped is that of the first voxel after the crossing.
  * voxels: bits, rows padded to words.  beyond: a bit per ray, (z, x), for crossings past the end. */
 #define SINK_PARAMETERS const int depth, __global uint *voxels, __global uint *beyond
-#define MAKE_SINK(rays) { depth, ((rays).y + 31) / 32, voxels, beyond }
+#define MAKE_SINK(rays) { depth, ((rays).y + 31) / 32, voxels, beyond, voxels, 0 }
 typedef struct {
     int depth, row_words;
     __global uint *voxels;
     __global uint *beyond;
+    __global uint *word;
+    uint bits;
 } Sink;
+
+GATHER_FLIPS
 
 static inline void cross(Sink *sink, const int u, const int v, const int slot)
 {
-    const uint bit = 1u << (v % 32);
-    if (slot >= sink->depth)
-        atomic_xor(sink->beyond + (ulong)u * sink->row_words + v / 32, bit);
-    else
-        atomic_xor(
-            sink->voxels + ((ulong)u * sink->depth + max(slot, 0)) * sink->row_words + v / 32, bit);
+    __global uint *row = slot >= sink->depth
+        ? sink->beyond + (ulong)u * sink->row_words
+        : sink->voxels + ((ulong)u * sink->depth + max(slot, 0)) * sink->row_words;
+    flip(sink, row + v / 32, 1u << (v % 32));
 }
 
 #elif SINK == BRICKS
@@ -60,58 +81,61 @@ static inline void cross(Sink *sink, const int u, const int v, const int slot)
 #include "common/bricks.h"
 
 /* Rays along y: u is z and v is x.
- * cells: shape of the coarse grid.  entry, beyond: a face per column of cells along y, (z, x), for
- * crossings before the first sample and past the last.  exits: a face per brick, for crossings in
- * the last half voxel of its cell when no brick follows. */
+ * columns: cells of voxels along each axis.  The tree above the bricks: common/bricks.h.
+ * entry, beyond: a face per column of cells along y, (z, x), for crossings before the first sample
+ * and past the last.  exits: a face per brick, for crossings in the last half voxel of its cell
+ * when no brick follows. */
 #define SINK_PARAMETERS \
-    const int4 cells, const __global uint *boundary, const __global uint *rank, \
+    const int4 columns, TREE_PARAMETERS, \
     __global uint *bricks, __global uint *exits, __global uint *entry, __global uint *beyond
 #define MAKE_SINK(rays) \
-    { cells, boundary, rank, bricks, exits, entry, beyond, (int4)(-1), NO_BRICK }
+    { TREE, columns, bricks, exits, entry, beyond, (int4)(-1), NO_BRICK, bricks, 0 }
 typedef struct {
-    int4 cells;
-    const __global uint *boundary;
-    const __global uint *rank;
+    Tree tree;
+    int4 columns;
     __global uint *bricks;
     __global uint *exits;
     __global uint *entry;
     __global uint *beyond;
     int4 cell;  /* the cell looked up last, since neighbouring crossings share it */
     uint brick;
+    __global uint *word;
+    uint bits;
 } Sink;
+
+GATHER_FLIPS
 
 static inline void cross(Sink *sink, const int u, const int v, const int slot)
 {
     const int x = v / BRICK_X;
     const int z = u / BRICK_Z;
     const int ray = (u % BRICK_Z) * BRICK_X + v % BRICK_X;
-    const ulong column = (ulong)z * sink->cells.x + x;
+    const int y = max(slot, 0) / BRICK_Y;
+    if (slot > 0 && y < sink->columns.y) {
+        if (sink->cell.x != x || sink->cell.y != y || sink->cell.z != z) {
+            sink->cell = (int4)(x, y, z, 0);
+            sink->brick = find_brick(sink->tree, x, y, z);
+        }
+        if (sink->brick != NO_BRICK) {
+            const int voxel = ((u % BRICK_Z) * BRICK_Y + slot % BRICK_Y) * BRICK_X + v % BRICK_X;
+            __global uint *brick = sink->bricks + (ulong)sink->brick * BRICK_WORDS;
+            flip(sink, brick + voxel / 32, 1u << (voxel % 32));
+            return;
+        }
+    }
+    const ulong column = ((ulong)z * sink->columns.x + x) * FACE_WORDS;
+    __global uint *face;
     if (slot <= 0) {
-        atomic_xor(sink->entry + column * FACE_WORDS + ray / 32, 1u << (ray % 32));
-        return;
+        face = sink->entry + column;
+    } else if (y >= sink->columns.y) {
+        face = sink->beyond + column;
+    } else {
+        /* The cell of the first sample behind the crossing is untouched: the crossing lies in the
+         * last half voxel of the cell before, which is touched, or before the grid. */
+        const uint before = y ? find_brick(sink->tree, x, y - 1, z) : NO_BRICK;
+        face = before == NO_BRICK ? sink->entry + column : sink->exits + (ulong)before * FACE_WORDS;
     }
-    const int y = slot / BRICK_Y;
-    if (y >= sink->cells.y) {
-        atomic_xor(sink->beyond + column * FACE_WORDS + ray / 32, 1u << (ray % 32));
-        return;
-    }
-    if (sink->cell.x != x || sink->cell.y != y || sink->cell.z != z) {
-        sink->cell = (int4)(x, y, z, 0);
-        sink->brick = find_brick(sink->cells, sink->boundary, sink->rank, x, y, z);
-    }
-    if (sink->brick != NO_BRICK) {
-        const int voxel = ((u % BRICK_Z) * BRICK_Y + slot % BRICK_Y) * BRICK_X + v % BRICK_X;
-        atomic_xor(
-            sink->bricks + (ulong)sink->brick * BRICK_WORDS + voxel / 32, 1u << (voxel % 32));
-        return;
-    }
-    /* The cell of the first sample behind the crossing is untouched: the crossing lies in the last
-     * half voxel of the cell before, which is touched, or before the grid. */
-    const uint before = y ? find_brick(sink->cells, sink->boundary, sink->rank, x, y - 1, z)
-                          : NO_BRICK;
-    __global uint *face = before == NO_BRICK ? sink->entry + column * FACE_WORDS
-                                             : sink->exits + (ulong)before * FACE_WORDS;
-    atomic_xor(face + ray / 32, 1u << (ray % 32));
+    flip(sink, face + ray / 32, 1u << (ray % 32));
 }
 
 #endif

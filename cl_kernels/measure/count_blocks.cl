@@ -7,7 +7,7 @@
  * Host:       clvox/ops/measure.py, count_blocks()
  * Reference:  clvox/reference/measure.py, count_blocks()
  * Tests:      tests/kernels/test_count_blocks.py
- * Defines:    LEVELS, RULE = 0, BRICK_X, BRICK_Y, BRICK_Z  (common/model.h)
+ * Defines:    LEVELS, RULE = 0, BRICK_*, MIDDLE_*  (common/model.h)
  *             PART  most rows of a part along y and along z: 64
  */
 #include "common/index.h"
@@ -16,7 +16,7 @@
 
 /* Set bits of row (y, z) of voxels from x `low` to before `high`, in a dense grid. */
 #if LEVELS == 1
-static inline uint count_row(MODEL_READ, const int3 low, const int3 high)
+static inline uint count_row(MODEL_PARAMETERS, const int3 low, const int3 high)
 {
     const __global uint *row = bricks + ((ulong)low.z * cells.y + low.y) * ((cells.x + 31) / 32);
     const uint first = low.x, last = high.x - 1;
@@ -32,7 +32,7 @@ static inline uint count_row(MODEL_READ, const int3 low, const int3 high)
 #endif
 
 /* Voxels inside from `low` to before `high`: below 2^17 * PART * PART. */
-static inline uint count_box(MODEL_READ, const int3 low, const int3 high)
+static inline uint count_box(MODEL_PARAMETERS, const int3 low, const int3 high)
 {
     uint count = 0;
 #if LEVELS == 1
@@ -46,17 +46,17 @@ static inline uint count_box(MODEL_READ, const int3 low, const int3 high)
                 const int x0 = max(low.x - x * BRICK_X, 0), x1 = min(high.x - x * BRICK_X, BRICK_X);
                 const int y0 = max(low.y - y * BRICK_Y, 0), y1 = min(high.y - y * BRICK_Y, BRICK_Y);
                 const int z0 = max(low.z - z * BRICK_Z, 0), z1 = min(high.z - z * BRICK_Z, BRICK_Z);
-                const uint number = find_brick(cells, boundary, rank, x, y, z);
-                if (number == NO_BRICK) {
-                    if (inside[cell_word(cells, x, y, z)] >> ((uint)x % 32) & 1)
+                const ulong number = cell_state(MODEL_ARGUMENTS, x, y, z);
+                if (number >= CELL_OUTSIDE) {
+                    if (number == CELL_INSIDE)
                         count += (uint)(x1 - x0) * (y1 - y0) * (z1 - z0);
                     continue;
                 }
-                const __global uint *brick = bricks + (ulong)number * BRICK_WORDS;
+                const __global uint *brick = bricks + number * BRICK_WORDS;
                 const ulong kept = (~0UL >> (64 - x1)) & (~0UL << x0);
                 for (int row_z = z0; row_z < z1; ++row_z)
                     for (int row_y = y0; row_y < y1; ++row_y)
-                        count += (uint)popcount(brick_row(brick, row_y, row_z) & kept);
+                        count += (uint)popcount(brick_row(brick, BRICK_X, BRICK_Y, row_y, row_z) & kept);
             }
 #endif
     return count;

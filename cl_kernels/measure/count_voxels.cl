@@ -6,6 +6,8 @@
  * Tests:      tests/kernels/test_measure.py
  * Defines:    RULE  CENTRE, TOUCH or WITHIN (common/model.h)
  *             RUN   words per work-item
+ *             ABOVE_X, ABOVE_Y, ABOVE_Z, CELL_X, CELL_Y, CELL_Z  cells along the sides of a brick
+ *                   of cells, and voxels along the sides of such a cell, for count_middle
  */
 #define LEVELS 1
 #include "common/model.h"
@@ -46,3 +48,35 @@ __kernel void count_cells(
     counts[2 * id] = count - last;
     counts[2 * id + 1] = last;
 }
+
+#ifdef CELL_X
+
+/* One work-item counts the voxels of the inside cells of one word of the bricks of cells, as far
+ * as the grid reaches: below 2^31, since a cell has at most 64^3.
+ * voxels: shape of the fine grid.  owners: (bricks, 3) int32, the coarse cell of each brick.
+ * inside: bits of the cells.  counts: (words,) uint32. */
+__kernel void count_middle(
+    const ulong words, const int4 voxels, const __global int *restrict owners,
+    const __global uint *restrict inside, __global uint *restrict counts)
+{
+    const ulong id = get_global_id(0);
+    if (id >= words) return;
+    const int brick_words = (ABOVE_X * ABOVE_Y * ABOVE_Z + 31) / 32;
+    const int3 above = (int3)(ABOVE_X, ABOVE_Y, ABOVE_Z);
+    const int3 sides = (int3)(CELL_X, CELL_Y, CELL_Z);
+    const int3 corner = vload3(id / brick_words, owners) * above;
+    if (all((corner + above) * sides <= voxels.xyz)) {
+        counts[id] = popcount(inside[id]) * (CELL_X * CELL_Y * CELL_Z);
+        return;
+    }
+    uint count = 0;
+    for (uint left = inside[id]; left; left &= left - 1) {
+        const int at = (int)(id % brick_words) * 32 + popcount((left & -left) - 1);
+        const int3 cell = (int3)(at % ABOVE_X, at / ABOVE_X % ABOVE_Y, at / ABOVE_X / ABOVE_Y);
+        const int3 size = min(voxels.xyz - (corner + cell) * sides, sides);
+        count += size.x * size.y * size.z;
+    }
+    counts[id] = count;
+}
+
+#endif

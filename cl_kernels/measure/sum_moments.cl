@@ -8,7 +8,7 @@
  * Host:       clvox/ops/measure.py, sum_moments()
  * Reference:  clvox/reference/measure.py, sum_moments()
  * Tests:      tests/kernels/test_sum_moments.py
- * Defines:    LEVELS, RULE = 0, BRICK_X, BRICK_Y, BRICK_Z  (common/model.h)
+ * Defines:    LEVELS, RULE = 0, BRICK_*, MIDDLE_*  (common/model.h)
  *             SUMS  sums of a row: 10
  */
 #include "common/index.h"
@@ -17,7 +17,7 @@
 
 /* Adds the voxels of x * y * z: their number; x, y, z; xx, yy, zz; xy, yz, xz.
  *
- * An index is below 2^17, and a row of cells holds at most 2^17 * 64 * 64 = 2^29 voxels: a sum
+ * An index is below 2^17, and a row of cells of voxels holds at most 2^17 * 64 * 64 = 2^29 voxels: a sum
  * stays below 2^63. */
 static inline void add(ulong *sums, const Line x, const Line y, const Line z)
 {
@@ -33,87 +33,91 @@ static inline void add(ulong *sums, const Line x, const Line y, const Line z)
     sums[9] += x.first * y.count * z.first;
 }
 
-#if LEVELS == 2
+#if LEVELS != 1
 
-#define BRICK_PLACES (BRICK_X > 32 ? 6 : BRICK_X > 16 ? 5 : BRICK_X > 8 ? 4 : BRICK_X > 4 ? 3 : 2)
-
-/* Adds the cells of row (y, z) that are wholly inside.  Cells beside each other count as if they
- * were one voxel each; then each becomes BRICK_X of them.  The grid may end within the last. */
-static inline void add_cells(
-    ulong *sums, const __global uint *row, const int4 cells, const int4 voxels,
-    const Line y, const Line z)
+/* Adds one brick of voxels, whose cell is (x, y, z). */
+static inline void add_brick(
+    ulong *sums, const __global uint *brick, const int x, const int y, const int z)
 {
-    const int words = (int)words_in_row(cells.x);
-    const int end = cells.x - 1;
-    Line found = {0, 0, 0};
-    for (int w = 0; w < words; ++w) {
-        uint bits = row[w];
-        if (w == end / 32) bits &= ~(1u << (end % 32));
-        if (!bits) continue;
-        const Line some = shifted(sum_bits(bits, 5), 32 * w);
-        found.count += some.count;
-        found.first += some.first;
-        found.second += some.second;
-    }
-    const Line side = sum_range(0, BRICK_X);
-    const Line line = {
-        found.count * BRICK_X,
-        found.first * BRICK_X * BRICK_X + found.count * side.first,
-        found.second * BRICK_X * BRICK_X * BRICK_X + 2 * found.first * BRICK_X * side.first
-            + found.count * side.second,
-    };
-    add(sums, line, y, z);
-    if (row[end / 32] >> (end % 32) & 1)
-        add(sums, sum_range(end * BRICK_X, voxels.x - end * BRICK_X), y, z);
+    for (int row_z = 0; row_z < BRICK_Z; ++row_z)
+        for (int row_y = 0; row_y < BRICK_Y; ++row_y) {
+            const ulong bits = brick_row(brick, BRICK_X, BRICK_Y, row_y, row_z);
+            if (bits)
+                add(sums, shifted(sum_bits(bits, places_of(BRICK_X)), x * BRICK_X),
+                    sum_range(y * BRICK_Y + row_y, 1), sum_range(z * BRICK_Z + row_z, 1));
+        }
 }
 
-/* Adds the bricks of row (y, z) of cells, the first of which is `brick`. */
-static inline void add_bricks(
-    ulong *sums, const __global uint *row_of_cells, const __global uint *brick, const int words,
-    const int y, const int z)
+/* Adds neighbouring cells that are wholly inside: of those from number `first` on along x, each
+ * `side` voxels wide, the ones whose bits are set.  The grid, of `voxels` along x, may end within
+ * the last. */
+static inline void add_cells(
+    ulong *sums, const ulong bits, const int first, const int side, const int voxels,
+    const Line y, const Line z)
 {
-    for (int w = 0; w < words; ++w)
-        for (uint left = row_of_cells[w]; left; left &= left - 1, brick += BRICK_WORDS) {
-            const int x = 32 * w + popcount((left & -left) - 1);
-            for (int row_z = 0; row_z < BRICK_Z; ++row_z)
-                for (int row_y = 0; row_y < BRICK_Y; ++row_y) {
-                    const ulong bits = brick_row(brick, row_y, row_z);
-                    if (bits)
-                        add(sums, shifted(sum_bits(bits, BRICK_PLACES), x * BRICK_X),
-                            sum_range(y * BRICK_Y + row_y, 1), sum_range(z * BRICK_Z + row_z, 1));
-                }
-        }
+    if (!bits) return;
+    const int last = (voxels - 1) / side;
+    const bool cut = last >= first && last < first + 64 && bits >> (last - first) & 1;
+    const ulong whole = cut ? bits & ~(1UL << (last - first)) : bits;
+    if (whole) add(sums, widened(shifted(sum_bits(whole, 6), first), side), y, z);
+    if (cut) add(sums, sum_range(last * side, voxels - last * side), y, z);
 }
 
 #endif
 
-/* One work-item sums up one row of cells along x; of voxels, if LEVELS is 1.
- * voxels: shape of the fine grid.  first, rows: rows, numbered z * cells.y + y, of this launch.
+/* One work-item sums up one row along x of cells of voxels; of voxels, if LEVELS is 1.
+ * voxels: shape of the fine grid; columns: of those cells.
+ * first, rows: rows, numbered z * columns.y + y, of this launch.
  * sums: (rows, SUMS) ulong, all written. */
 __kernel void sum_moments(
-    const int4 voxels, const ulong first, const ulong rows, MODEL_PARAMETERS,
+    const int4 voxels, const int4 columns, const ulong first, const ulong rows, MODEL_PARAMETERS,
     __global ulong *restrict sums)
 {
     const ulong id = get_global_id(0);
     if (id >= rows) return;
     ulong rest = first + id;
-    const int y = take_place(&rest, cells.y);
+    const int y = take_place(&rest, columns.y);
     const int z = (int)rest;
+    const int words = (cells.x + 31) / 32;
     ulong found[SUMS];
     for (int s = 0; s < SUMS; ++s) found[s] = 0;
 #if LEVELS == 1
-    const int words = (cells.x + 31) / 32;
     const __global uint *row = bricks + (first + id) * words;
     for (int w = 0; w < words; ++w)
         if (row[w])
             add(found, shifted(sum_bits(row[w], 5), 32 * w), sum_range(y, 1), sum_range(z, 1));
 #else
+    const Line along_y = sum_range(y * BRICK_Y, min(BRICK_Y, voxels.y - y * BRICK_Y));
+    const Line along_z = sum_range(z * BRICK_Z, min(BRICK_Z, voxels.z - z * BRICK_Z));
+#if LEVELS == 2
+    const int side = BRICK_X;
     const ulong at = cell_word(cells, 0, y, z);
-    add_cells(found, inside + at, cells, voxels,
-              sum_range(y * BRICK_Y, min(BRICK_Y, voxels.y - y * BRICK_Y)),
-              sum_range(z * BRICK_Z, min(BRICK_Z, voxels.z - z * BRICK_Z)));
-    add_bricks(found, boundary + at, bricks + (ulong)rank_of(boundary, rank, at, 0) * BRICK_WORDS,
-               (int)words_in_row(cells.x), y, z);
+#else
+    const int side = BRICK_X * MIDDLE_X;
+    const ulong at = cell_word(cells, 0, y / MIDDLE_Y, z / MIDDLE_Z);
+    const int in_y = place_in(y, MIDDLE_Y), in_z = place_in(z, MIDDLE_Z);
+#endif
+    ulong number = rank_of(boundary, rank, at, 0);
+    for (int w = 0; w < words; ++w) {
+        add_cells(found, inside[at + w], 32 * w, side, voxels.x, along_y, along_z);
+        for (uint left = boundary[at + w]; left; left &= left - 1, ++number) {
+            const int x = 32 * w + popcount((left & -left) - 1);
+#if LEVELS == 2
+            add_brick(found, bricks + number * BRICK_WORDS, x, y, z);
+#else
+            const ulong start = number * MIDDLE_WORDS;
+            add_cells(found, brick_row(middle_inside + start, MIDDLE_X, MIDDLE_Y, in_y, in_z),
+                      x * MIDDLE_X, BRICK_X, voxels.x, along_y, along_z);
+            ulong row = brick_row(middle + start, MIDDLE_X, MIDDLE_Y, in_y, in_z);
+            for (; row; row &= row - 1) {
+                const int cell = x * MIDDLE_X + (int)popcount((row & -row) - 1);
+                const ulong bit = middle_bit((uint)number, cell, y, z);
+                const ulong brick = rank_of(middle, middle_rank, bit / 32, bit % 32);
+                add_brick(found, bricks + brick * BRICK_WORDS, cell, y, z);
+            }
+#endif
+        }
+    }
 #endif
     for (int s = 0; s < SUMS; ++s) sums[SUMS * id + s] = found[s];
 }

@@ -9,104 +9,14 @@
  * Host:       clvox/ops/multilevel.py, carry()
  * Reference:  clvox/reference/multilevel.py, build()
  * Tests:      tests/kernels/test_multilevel.py
- * Defines:    BRICK_X, BRICK_Y, BRICK_Z  voxels along the sides of a brick
+ * Defines:    LEVELS, BRICK_*, MIDDLE_*  of the model (common/bricks.h)
  */
-#include "common/bricks.h"
+#include "multilevel/walk.h"
 
-#define FACE_BITS (BRICK_X * BRICK_Z)
-
-/* Up to 32 bits of a run of words, and back. */
-static inline uint get_bits(const __global uint *words, const uint at, const uint count)
-{
-    const uint word = at / 32, shift = at % 32;
-    ulong pair = words[word];
-    if (shift + count > 32) pair |= (ulong)words[word + 1] << 32;
-    return (uint)(pair >> shift) & (uint)((1UL << count) - 1);
-}
-
-static inline void put_bits(__global uint *words, const uint at, const uint count, const uint bits)
-{
-    const uint word = at / 32, shift = at % 32;
-    const ulong mask = ((1UL << count) - 1) << shift;
-    const ulong pair = (ulong)bits << shift;
-    words[word] = (words[word] & ~(uint)mask) | (uint)pair;
-    if (shift + count > 32)
-        words[word + 1] = (words[word + 1] & ~(uint)(mask >> 32)) | (uint)(pair >> 32);
-}
-
-static inline void fill_face(__global uint *face, const bool value)
-{
-    for (uint w = 0; w < FACE_WORDS; ++w) {
-        const uint bits = min(FACE_BITS - 32 * w, 32u);
-        face[w] = value ? (uint)((1UL << bits) - 1) : 0;
-    }
-}
-
-/* Do all rays of the face agree? */
-static inline bool is_uniform(const __global uint *face)
-{
-    const bool first = face[0] & 1;
-    uint differing = 0;
-    for (uint w = 0; w < FACE_WORDS; ++w) {
-        const uint bits = min(FACE_BITS - 32 * w, 32u);
-        differing |= face[w] ^ (first ? (uint)((1UL << bits) - 1) : 0);
-    }
-    return differing == 0;
-}
-
-#if BRICK_X == 8 && BRICK_Y == 8 && BRICK_Z == 8
-
-/* Eight z-planes of eight bytes along y: three shifts are the running xor, and a byte times
- * 0x0101... the state of its eight rays at all y. */
-static inline void walk_brick(
-    __global uint *brick, __global uint *face, const __global uint *exits, const int3 kept)
-{
-    __global ulong *planes = (__global ulong *)brick;
-    const ulong state = upsample(face[1], face[0]);
-    const ulong flips = upsample(exits[1], exits[0]);
-    ulong after = 0;
-    for (int z = 0; z < 8; ++z) {
-        ulong plane = planes[z];
-        plane ^= plane << 8;
-        plane ^= plane << 16;
-        plane ^= plane << 32;
-        plane ^= ((state >> (8 * z)) & 0xff) * 0x0101010101010101UL;
-        after |= (plane >> 56) << (8 * z);
-        if (kept.x < 8) plane &= ((1UL << kept.x) - 1) * 0x0101010101010101UL;
-        if (kept.y < 8) plane &= (1UL << (8 * kept.y)) - 1;
-        planes[z] = z < kept.z ? plane : 0;
-    }
-    face[0] = (uint)(after ^ flips);
-    face[1] = (uint)((after ^ flips) >> 32);
-}
-
-#else
-
-static inline void walk_brick(
-    __global uint *brick, __global uint *face, const __global uint *exits, const int3 kept)
-{
-    for (int z = 0; z < BRICK_Z; ++z) {
-        for (int x = 0; x < BRICK_X; x += 32) {
-            const uint count = min(BRICK_X - x, 32);
-            const int ray = z * BRICK_X + x;
-            const int real = z < kept.z ? clamp(kept.x - x, 0, (int)count) : 0;
-            const uint mask = (uint)((1UL << real) - 1);
-            uint state = get_bits(face, ray, count);
-            for (int y = 0; y < BRICK_Y; ++y) {
-                const uint at = (z * BRICK_Y + y) * BRICK_X + x;
-                state ^= get_bits(brick, at, count);
-                put_bits(brick, at, count, y < kept.y ? state & mask : 0);
-            }
-            put_bits(face, ray, count, state ^ get_bits(exits, ray, count));
-        }
-    }
-}
-
-#endif
+#if LEVELS == 2
 
 /* One work-item walks along y the 32 rows of cells that share a word of bits along x.
- * cells: shape of the coarse grid; voxels: shape of the fine one.
- * boundary, rank: as in docs/layouts.
+ * voxels: shape of the fine grid.  The tree above the bricks: common/bricks.h.
  * beyond: a face per column of cells, (z, x): crossings past the last sample.
  * exits: a face per brick: crossings behind the last sample of its cell.
  * states: a face per column of cells; on entry the crossings before the first sample, overwritten.
@@ -114,9 +24,8 @@ static inline void walk_brick(
  * inside: one bit per cell, undefined on entry.
  * doubts: (2,) uint32, added to: cells whose rays disagree, rays that end inside. */
 __kernel void carry(
-    const int4 cells, const int4 voxels,
-    const __global uint *restrict boundary, const __global uint *restrict rank,
-    const __global uint *restrict beyond, const __global uint *restrict exits,
+    const int4 voxels, TREE_PARAMETERS, const __global uint *restrict beyond,
+    const __global uint *restrict exits,
     __global uint *restrict states, __global uint *restrict bricks,
     __global uint *restrict inside, __global uint *restrict doubts)
 {
@@ -170,3 +79,72 @@ __kernel void carry(
     if (disagreements) atomic_add(doubts, disagreements);
     if (odd) atomic_add(doubts + 1, odd);
 }
+
+#else
+
+/* One work-item walks along y one row of cells of the middle level.
+ * columns: how many of those along each axis; voxels: shape of the fine grid.
+ * beyond, states: a face per column of them, (z, x); exits: a face per brick; as above.
+ * bricks: flipped bits on entry, resolved ones on return; padding is cleared.
+ * inside, middle_inside: bits of the coarse cells and of those in bricks, zero on entry.
+ * doubts: (2,) uint32, added to: cells whose rays disagree, rays that end inside. */
+__kernel void carry(
+    const int4 voxels, TREE_PARAMETERS, const int4 columns, const __global uint *restrict beyond,
+    const __global uint *restrict exits,
+    __global uint *restrict states, __global uint *restrict bricks,
+    __global uint *restrict inside, __global uint *restrict middle_inside,
+    __global uint *restrict doubts)
+{
+    const ulong id = get_global_id(0);
+    if (id >= (ulong)columns.x * columns.z) return;
+    const int x = (int)(id % columns.x);
+    const int z = (int)(id / columns.x);
+    const bool first_column = x % MIDDLE_X == 0 && z % MIDDLE_Z == 0;
+    __global uint *face = states + id * FACE_WORDS;
+    uint disagreements = 0;
+    /* The state is in the face after a brick (`faced`), else in `uniform`. */
+    bool faced = true;
+    bool uniform = false;
+
+    for (int top = 0; top < cells.y; ++top) {
+        const ulong word = cell_word(cells, x / MIDDLE_X, top, z / MIDDLE_Z);
+        const uint bit = x / MIDDLE_X % 32;
+        if (!(boundary[word] >> bit & 1)) {
+            if (faced) {
+                uniform = face[0] & 1;
+                disagreements += !is_uniform(face);
+                faced = false;
+            }
+            if (uniform && first_column) atomic_or(inside + word, 1u << bit);
+            continue;
+        }
+        const uint node = rank_of(boundary, rank, word, bit);
+        for (int y = top * MIDDLE_Y; y < min((top + 1) * MIDDLE_Y, columns.y); ++y) {
+            const ulong at = middle_bit(node, x, y, z);
+            const ulong middle_word = at / 32;
+            if (!(middle[middle_word] >> (at % 32) & 1)) {
+                if (faced) {
+                    uniform = face[0] & 1;
+                    disagreements += !is_uniform(face);
+                    faced = false;
+                }
+                if (uniform) atomic_or(middle_inside + middle_word, 1u << (at % 32));
+                continue;
+            }
+            const ulong brick = rank_of(middle, middle_rank, middle_word, at % 32);
+            if (!faced) fill_face(face, uniform);
+            faced = true;
+            const int3 sides = (int3)(BRICK_X, BRICK_Y, BRICK_Z);
+            walk_brick(bricks + brick * BRICK_WORDS, face, exits + brick * FACE_WORDS,
+                       min(voxels.xyz - (int3)(x, y, z) * sides, sides));
+        }
+    }
+
+    uint odd = 0;
+    if (!faced) fill_face(face, uniform);
+    for (uint w = 0; w < FACE_WORDS; ++w) odd += popcount(face[w] ^ beyond[id * FACE_WORDS + w]);
+    if (disagreements) atomic_add(doubts, disagreements);
+    if (odd) atomic_add(doubts + 1, odd);
+}
+
+#endif

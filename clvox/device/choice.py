@@ -9,6 +9,7 @@ from typing import TypeAlias
 
 import pyopencl as cl
 
+from clvox.device._drivers import platforms
 from clvox.device._pocl import name_processor
 from clvox.errors import DeviceError
 
@@ -45,21 +46,20 @@ class Device:
 
 
 def devices() -> list[Device]:
-    """Return every OpenCL device of this machine: GPUs first, then the others.
+    """Return every OpenCL device of this machine: GPUs first, then PoCL's, then the others.
+
+    A driver that pip installed with ``clvox[pocl]`` or ``clvox[intel]`` is among them, unless
+    ``OCL_ICD_VENDORS`` says where drivers are, and unless OpenCL was used before.
 
     Raises
     ------
     DeviceError
         There is no OpenCL driver, or no driver has a device; the message says what to install.
     """
-    try:
-        platforms = cl.get_platforms()
-    except cl.Error:
-        platforms = []
-    found = [_describe(handle) for driver in platforms for handle in _handles(driver)]
+    found = [_describe(handle) for driver in platforms() for handle in _handles(driver)]
     if not found:
         raise DeviceError(f"no OpenCL device was found. {_advice()}")
-    return sorted(found, key=lambda device: device.kind != "gpu")
+    return sorted(found, key=_preference)
 
 
 def choose(wanted: DeviceLike = None) -> Device:
@@ -95,6 +95,13 @@ def choose(wanted: DeviceLike = None) -> Device:
         here = "; ".join(f"{number}: {device}" for number, device in enumerate(present))
         raise DeviceError(f"no OpenCL device matches {wanted!r}; devices here: {here}")
     return matching[0]
+
+
+def _preference(device: Device) -> int:
+    """Where a device stands in the list; equal ones stay in the loader's order."""
+    if device.kind == "gpu":
+        return 0
+    return 1 if device.platform == "Portable Computing Language" else 2
 
 
 def _handles(driver: cl.Platform) -> list[cl.Device]:

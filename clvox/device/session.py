@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import threading
+import warnings
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -23,6 +24,10 @@ GROUP = 64
 """Work-items per group, unless an operation says otherwise."""
 
 _OPTIONS = ["-cl-std=CL1.2", "-Werror"]
+_YOUNG_PROCESSOR = (
+    "The driver's compiler is older than this processor. Install a newer PoCL, or use Intel's "
+    "driver: pip install 'clvox[intel]' and device=\"intel\" or CLVOX_DEVICE=intel."
+)
 _COMPLAINT = re.compile(r"\s*error:|.*:\d+:\d+: ")
 
 
@@ -107,7 +112,8 @@ class Session:
         if rest:
             raise TypeError(f"{array.nbytes} bytes are not whole words")
         if words:
-            self.run(self.kernel("buffers/clear.cl", "clear"), words, np.uint64(words), array)
+            kernel = self.kernel("buffers/clear.cl", "clear")
+            self.run(kernel, -(-words // 4), np.uint64(words), array)
         return array
 
     def upload(self, host: NDArray[Any]) -> cla.Array:
@@ -155,10 +161,15 @@ class Session:
         options = _OPTIONS + [f"-D{name}={value}" for name, value in sorted(defines.items())]
         program = cl.Program(self._context, read_source(file))
         try:
-            program.build(options)
+            with warnings.catch_warnings():
+                # What a compiler says of a program that it builds, in spite of -Werror, is chatter.
+                warnings.simplefilter("ignore", cl.CompilerWarning)
+                program.build(options)
         except cl.RuntimeError as error:
             lines = str(error).splitlines()
             words = [line for line in lines if _COMPLAINT.match(line)] or lines
+            if "unknown target CPU" in str(error):
+                words.append(_YOUNG_PROCESSOR)
             raise KernelBuildError(
                 "\n    ".join(
                     [f"{file} does not build on {self.device} with {' '.join(options)}:", *words]

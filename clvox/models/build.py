@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -20,7 +20,7 @@ from clvox.models.levels import Levels, fill_box, resolve_levels
 from clvox.models.voxels import Report, VoxelModel
 from clvox.ops import boundary, crossings, dense
 from clvox.ops.facets import Facets, Progress, upload_facets
-from clvox.ops.layout import Bricks, VoxelArrays, words_for
+from clvox.ops.layout import Bricks, VoxelArrays, cell_shape, words_for
 from clvox.ops.multilevel import carry, rank_cells
 
 
@@ -54,9 +54,9 @@ def voxelize(
         three, or *levels* alone, whose voxels then fill the mesh's bounding box exactly.
     levels : sequence of (3,) int, optional
         ``[(N0x, N0y, N0z), (n1x, n1y, n1z)]``: cells of the coarse grid, and voxels in each of
-        them, 1 to 64 along a side.  One entry alone, the grid's shape, asks for a dense grid of
-        bits.  By default bricks of 8 x 8 x 8, and larger ones once those would need more than
-        2**27 cells.
+        them, 1 to 64 along a side; a third entry divides those once more.  One entry alone, the
+        grid's shape, asks for a dense grid of bits.  By default cells of 8 x 8 x 8 voxels, and
+        once those would number more than 2**27, cells of 8 x 8 x 8 of such cells.
     lattice_bits : int, optional
         Steps of the lattice in a voxel, as a power of two from 7 to 14; by default as many as
         fit.  Models that are to be combined share it.
@@ -99,10 +99,13 @@ def voxelize(
     surface.require_closed()
     if grid is None and resolution is None and pitch is None and levels is not None:
         grid = fill_box(surface.bounds, levels)
+    elif [grid is None, resolution is None, pitch is None].count(False) != 1:
+        raise GridError(
+            "give one of resolution= (voxels along the longest side), pitch= (width of a voxel) "
+            "and grid=, or levels= alone"
+        )
     elif grid is None:
         grid = Grid.fit(surface, resolution=resolution, pitch=pitch)
-    elif resolution is not None or pitch is not None:
-        raise GridError("give one of grid=, resolution= and pitch=")
     shapes = resolve_levels(grid.shape, levels)
     lattice = Lattice.fit(grid, surface.bounds, bits=lattice_bits)
     session = open_session(device)
@@ -231,20 +234,29 @@ def _build_bricks(
     tell: Progress | None,
 ) -> tuple[VoxelArrays, int, int]:
     shape = lattice.grid.shape
-    cell_counts, brick = levels
+    sides = levels[1] if len(levels) == 2 else _product(levels[1], levels[2])
     with stages.stage("mark"):
         marks = boundary.mark_cells(
-            session, facets, lattice.bits, shape, brick, progress=_part(tell, 0)
+            session, facets, lattice.bits, shape, sides, progress=_part(tell, 0)
         )
     with stages.stage("rank"):
-        cells = rank_cells(session, marks, cell_counts, brick)
+        cells = rank_cells(session, marks, levels[0], levels[1])
+    if len(levels) == 3:
+        counts = cell_shape(shape, levels[2])
+        with stages.stage("mark"):
+            marks = boundary.mark_voxels(
+                session, facets, lattice.bits, counts, cells, side=levels[2]
+            )
+        with stages.stage("rank"):
+            finer = rank_cells(session, marks, counts, levels[2])
+        cells = replace(cells, finer=finer)
     with stages.stage("clear"):
         bricks = Bricks.cleared(session, cells)
     with stages.stage("flip"):
         crossings.flip_bricks(session, facets, lattice.bits, cells, bricks, progress=_part(tell, 1))
     with stages.stage("carry"):
         solid = carry(session, cells, bricks, shape)
-    arrays = VoxelArrays(shape, bricks.voxels, cells, solid.inside)
+    arrays = VoxelArrays(shape, bricks.voxels, cells, solid.inside, solid.middle_inside)
     return arrays, solid.odd_rays, solid.disagreements
 
 
@@ -268,6 +280,10 @@ def _build_dense(
     with stages.stage("carry"):
         odd_rays = dense.fill(session, voxels, beyond)
     return VoxelArrays(shape, voxels), odd_rays, 0
+
+
+def _product(a: Shape, b: Shape) -> Shape:
+    return a[0] * b[0], a[1] * b[1], a[2] * b[2]
 
 
 def _part(tell: Progress | None, part: int) -> Progress | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import TypeAlias
 
@@ -15,13 +16,13 @@ from clvox.ops.layout import cell_shape
 Levels: TypeAlias = Sequence[ArrayLike]
 
 MOST_CELLS = 1 << 27
-"""Most cells of a coarse grid; finer grids get larger bricks."""
+"""Most cells of a coarse grid above bricks of voxels; a finer grid gets a level between."""
 
 MOST_SIDE = 64
-"""Longest side of a brick, in voxels."""
+"""Longest side of a brick."""
 
-BRICK_SIDES = 8, 16, 32, 64
-"""Sides of the bricks tried by default, the fastest first."""
+BRICK = (8, 8, 8)
+"""The bricks of default levels, for which the kernels are fastest."""
 
 
 def resolve_levels(shape: Shape, levels: Levels | None) -> tuple[Shape, ...]:
@@ -33,26 +34,23 @@ def resolve_levels(shape: Shape, levels: Levels | None) -> tuple[Shape, ...]:
         The levels do not hold *shape*, or a brick's side is not between 1 and 64 voxels.
     """
     if levels is None:
-        for side in BRICK_SIDES:
-            brick = (side, side, side)
-            cells = cell_shape(shape, brick)
-            if cells[0] * cells[1] * cells[2] <= MOST_CELLS:
-                return cells, brick
-        raise GridError(
-            f"a grid of {shape} voxels needs more than {MOST_CELLS} cells of {MOST_SIDE} voxels a "
-            "side. Use a coarser pitch."
-        )
+        cells = cell_shape(shape, BRICK)
+        if math.prod(cells) <= MOST_CELLS:
+            return cells, BRICK
+        return cell_shape(cells, BRICK), BRICK, BRICK
     shapes = _shapes(levels)
     if len(shapes) == 1 and shapes[0] != shape:
         raise GridError(f"one level must have the grid's shape {shape}, got {shapes[0]}")
-    if len(shapes) == 2:
-        if max(shapes[1]) > MOST_SIDE:
-            raise GridError(f"a brick has 1 to {MOST_SIDE} voxels a side, got {shapes[1]}")
-        if shapes[0] != (needed := cell_shape(shape, shapes[1])):
-            raise GridError(
-                f"a grid of {shape} voxels has {needed} cells of {shapes[1]}; levels say "
-                f"{shapes[0]}"
-            )
+    needed = shape
+    for brick in shapes[:0:-1]:
+        needed = cell_shape(needed, brick)
+        if max(brick) > MOST_SIDE:
+            raise GridError(f"a brick has 1 to {MOST_SIDE} cells or voxels a side, got {brick}")
+    if shapes[0] != needed:
+        raise GridError(
+            f"a grid of {shape} voxels has {needed} coarse cells below {shapes[1:]}; levels say "
+            f"{shapes[0]}"
+        )
     return shapes
 
 
@@ -71,8 +69,8 @@ def _shapes(levels: Levels) -> tuple[Shape, ...]:
         shapes = np.array(None)
     if shapes.dtype.kind not in "iu" or shapes.ndim != 2 or shapes.shape[1] != 3:
         raise GridError(f"levels must be triples of integers, got {levels!r}")
-    if not 1 <= len(shapes) <= 2:
-        raise GridError(f"a model has one or two levels, got {len(shapes)}")
+    if not 1 <= len(shapes) <= 3:
+        raise GridError(f"a model has one to three levels, got {len(shapes)}")
     if shapes.min() < 1:
         raise GridError(f"levels must be positive, got {levels!r}")
     return tuple((int(x), int(y), int(z)) for x, y, z in shapes)

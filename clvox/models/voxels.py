@@ -6,10 +6,9 @@ import os
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, Literal, TypeAlias
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 import numpy as np
-import pyopencl.array as cla
 import trimesh
 from numpy.typing import ArrayLike, NDArray
 
@@ -28,6 +27,9 @@ from clvox.ops.combine import Operation
 from clvox.ops.facets import Progress, upload_facets
 from clvox.ops.layout import VoxelArrays
 from clvox.ops.query import Rule
+
+if TYPE_CHECKING:
+    import pyopencl.array as cla
 
 OUTSIDE, INSIDE, BOUNDARY = 0, 1, 2
 """What `VoxelModel.classify` and coarse levels say."""
@@ -78,7 +80,7 @@ class Report:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class VoxelModel:
-    """A solid as voxels, on one level or two, on an OpenCL device.
+    """A solid as voxels, on one level, two or three, on an OpenCL device.
 
     Made by `voxelize`, `VoxelModel.from_array` and `open`; never changed afterwards.
 
@@ -87,7 +89,8 @@ class VoxelModel:
     grid : Grid
         Where the voxels are.
     levels : tuple of (3,) int
-        Cells of the coarse grid and voxels in each cell; for a dense grid its shape alone.
+        Cells of the coarse grid, and cells or voxels in each of them, level by level; for a
+        dense grid its shape alone.
     report : Report
         How the model was built.
     """
@@ -135,14 +138,16 @@ class VoxelModel:
         if len(shapes) == 1:
             arrays = pack.pack_dense(session, array)
         else:
-            arrays = pack.pack_voxels(session, array, shapes[1])
+            arrays = pack.pack_voxels(session, array, shapes[-1])
+        if len(shapes) == 3:
+            arrays = combine.rebrick(session, arrays, shapes)
         return cls(session, grid, arrays, Report(device=str(session.device)))
 
     # What it is
 
     @property
     def levels(self) -> tuple[Shape, ...]:
-        """Cells of the coarse grid and voxels in each cell; for a dense grid its shape alone."""
+        """Cells of the coarse grid, and cells or voxels in each; of a dense grid its shape."""
         return self._arrays.levels
 
     @property
@@ -159,10 +164,11 @@ class VoxelModel:
     def __repr__(self) -> str:
         x, y, z = self.grid.shape
         bricks = ""
-        if len(self.levels) == 2:
-            bricks = " in cells of {} x {} x {}".format(*self.levels[1])
-        size = self.nbytes / 1e6
-        return f"VoxelModel({x} x {y} x {z} voxels{bricks}, {size:.1f} MB on {self.device})"
+        if len(self.levels) > 1:
+            sides = ["{} x {} x {}".format(*brick) for brick in self.levels[1:]]
+            bricks = f" in cells of {' of '.join(sides)}"
+        size = f"{self.nbytes / 1e6:.1f} MB" if self.nbytes >= 1e5 else f"{self.nbytes} bytes"
+        return f"VoxelModel({x} x {y} x {z} voxels{bricks}, {size} on {self.device})"
 
     def __eq__(self, other: object) -> bool:
         """Whether both have the same grid and the same voxels, on whatever levels."""
@@ -172,7 +178,10 @@ class VoxelModel:
             return True
         if self.grid != other.grid or self.count != other.count:
             return False
-        return not (self ^ other._on(self._session)).count
+        other = other._on(self._session)
+        mine, theirs = self._arrays, other._arrays
+        differing = combine.combine(self._session, mine, theirs, Operation.XOR)
+        return not measure.count_voxels(self._session, differing)
 
     def __hash__(self) -> int:
         return hash((self.grid, self.count))
@@ -205,10 +214,11 @@ class VoxelModel:
     def compact(self) -> VoxelModel:
         """Return the same voxels without bricks whose voxels are all alike.
 
-        Combining models leaves such bricks: they cost memory and change no answer.
+        Combining models leaves such bricks: they cost memory and change no answer.  The mesh may
+        touch voxels of some of them, so a compact model no longer knows which are touched.
         """
-        brick = self.levels[1] if len(self.levels) == 2 else None
-        return self._with(combine.rebrick(self._session, self._arrays, brick), self._surfaces)
+        arrays = combine.rebrick(self._session, self._arrays, self.levels, prune=True)
+        return self._with(arrays, ())
 
     # Measures
 
@@ -370,13 +380,17 @@ class VoxelModel:
         if not 0 <= level <= finest:
             raise GridError(f"level must be from 0 to {finest}, got {level}")
         if level < finest:
-            brick = np.array(self.levels[1])
+            brick = np.prod(self.levels[level + 1 :], axis=0)
             low, high = np.array(start) // brick, -(-np.array(stop) // brick)
             return query.expand_cells(
-                self._session, self._arrays, _triple(low), _triple(np.maximum(low, high))
+                self._session, self._arrays, _triple(low), _triple(np.maximum(low, high)), level
             )
-        slabs = [slab for _, slab in self._slabs(_rule(rule), start, stop)]
-        return slabs[0] if len(slabs) == 1 else np.concatenate(slabs)
+        array = np.empty(
+            [last - first for first, last in zip(start, stop, strict=True)][::-1], bool
+        )
+        for _ in self._slabs(_rule(rule), start, stop, into=array):
+            pass
+        return array
 
     def coordinates(self, *, rule: RuleName = "centre") -> NDArray[np.int32]:
         """Return the voxels (i, j, k) that *rule* takes (see `to_array`), ordered by k, j, i.
@@ -404,8 +418,8 @@ class VoxelModel:
         trimesh.Trimesh
             Without triangles if no voxel is inside.
         """
-        uniform = self.to_array(level=0) if len(self.levels) == 2 else None
-        cell = self.levels[1] if len(self.levels) == 2 else (1, 1, 1)
+        uniform = self.to_array(level=0) if len(self.levels) > 1 else None
+        cell = _triple(np.prod(((1, 1, 1), *self.levels[1:]), axis=0))
         vertices, faces = surfaces.extract(
             self.grid,
             lambda start, stop: query.expand(self._session, self._arrays, start, stop),
@@ -451,8 +465,8 @@ class VoxelModel:
         """Which voxels the mesh touches, laid out like the voxels; marked when first asked for."""
         if not self._surfaces:
             raise MeshError(
-                "this model was not made from a mesh, so no voxel is known to be touched; "
-                'rule="centre" and contains() need none'
+                "no voxel of this model is known to be touched: models read from a file, made from "
+                'an array, or compacted keep no mesh. rule="centre" and contains() need none.'
             )
         shape, cells = self.grid.shape, self._arrays.cells
         marks = self._session.zeros(self._arrays.voxels.shape, np.uint32)
@@ -497,15 +511,27 @@ class VoxelModel:
         return VoxelModel(session, self.grid, arrays, self.report, self._surfaces)
 
     def _slabs(
-        self, rule: Rule, start: Shape = (0, 0, 0), stop: Shape | None = None
+        self,
+        rule: Rule,
+        start: Shape = (0, 0, 0),
+        stop: Shape | None = None,
+        into: NDArray[np.bool_] | None = None,
     ) -> Iterator[tuple[int, NDArray[np.bool_]]]:
-        """Voxels from *start* to before *stop*, by layers along z: first k, and [z, y, x]."""
+        """Voxels from *start* to before *stop*, by layers along z: first k, and [z, y, x].
+
+        The layers are parts of *into*, if it is given.
+        """
         (x0, y0, z0), (x1, y1, z1) = start, stop or self.grid.shape
         edge = None if rule == Rule.CENTRE else self._edge
         thick = max(1, SLAB_BYTES // max(1, (x1 - x0) * (y1 - y0)))
         for k in range(z0, max(z1, z0 + 1), thick):
-            box = (x0, y0, k), (x1, y1, min(k + thick, z1))
-            yield k, query.expand(self._session, self._arrays, *box, rule, edge).view(np.bool_)
+            above = min(k + thick, z1)
+            slab = None if into is None else into[k - z0 : above - z0].view(np.uint8)
+            box = (x0, y0, k), (x1, y1, above)
+            yield (
+                k,
+                query.expand(self._session, self._arrays, *box, rule, edge, slab).view(np.bool_),
+            )
 
     def _box(self, bounds: ArrayLike | None) -> tuple[Shape, Shape]:
         if bounds is None:

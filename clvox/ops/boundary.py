@@ -53,19 +53,22 @@ def mark_voxels(
     cells: Cells,
     marks: cla.Array | None = None,
     *,
+    side: Shape = (1, 1, 1),
     progress: Progress | None = None,
     direct: int = DIRECT,
     tile: int = TILE,
 ) -> cla.Array:
     """Return a bit for each voxel of each brick that says whether a triangle touches it.
 
-    The result is laid out like the bricks; bits of the padding are zero.  It is *marks*, if
-    given, added to.
+    The result is laid out like the bricks below the tree *cells*; bits of the padding are zero.
+    It is *marks*, if given, added to.  With *side*, the bricks hold cells of so many voxels
+    instead of voxels, and *shape* is the number of those cells.
     """
+    last = cells.last
     if marks is None:
-        marks = session.zeros((cells.count, cells.brick_words), np.uint32)
-    defines = _defines(bits, (1, 1, 1), _VOXELS, direct, tile) | cells.defines
-    sink = cells.shape4, cells.boundary, cells.rank, marks
+        marks = session.zeros((last.count, last.brick_words), np.uint32)
+    defines = _defines(bits, side, _VOXELS, direct, tile) | cells.defines
+    sink = *cells.tree, marks
     visit_facets(session, _FILE, "mark", facets, int4(shape), sink, defines, progress)
     return marks
 

@@ -8,7 +8,7 @@ import pyopencl.array as cla
 from clvox.device import Session
 from clvox.grid import Shape
 from clvox.ops.facets import Facets, Progress, visit_facets
-from clvox.ops.layout import Bricks, Cells, int2
+from clvox.ops.layout import Bricks, Cells, int2, int4
 
 _FILE = "crossings/cast_rays.cl"
 _COUNT, _DENSE, _BRICKS = 0, 1, 2
@@ -82,11 +82,9 @@ def flip_bricks(
     Crossings that no brick can hold go to `bricks.entry`, `bricks.beyond` and `bricks.exits`.
     Rays of the padding are cast like all others.
     """
-    (cells_x, _, cells_z), (brick_x, _, brick_z) = cells.shape, cells.brick
+    last = cells.last
     defines = {"AXIS": 1, "STEP_BITS": bits, "SINK": _BRICKS, "DIRECT": direct, "TILE": tile}
-    sink = (
-        *(cells.shape4, cells.boundary, cells.rank),
-        *(bricks.voxels, bricks.exits, bricks.entry, bricks.beyond),
-    )
-    rays = int2(cells_z * brick_z, cells_x * brick_x)
+    columns = int4(last.shape), *cells.tree
+    sink = *columns, bricks.voxels, bricks.exits, bricks.entry, bricks.beyond
+    rays = int2(last.shape[2] * last.brick[2], last.shape[0] * last.brick[0])
     visit_facets(session, _FILE, "cast", facets, rays, sink, defines | cells.defines, progress)

@@ -21,6 +21,9 @@ from clvox.ops.scan import prefix_sum
 Progress: TypeAlias = Callable[[int, int], object]
 """Called with the work done and the whole work; may raise, to cancel."""
 
+RUN = 16
+"""Triangles in a row that one work-item does, if they are small: neighbours share cells."""
+
 TRIANGLES_PER_LAUNCH = 1 << 19
 TILES_PER_LAUNCH = 1 << 16
 
@@ -69,13 +72,14 @@ def visit_facets(
     count = faces.shape[0]
     if count == 0:
         return
+    defines = defines | {"RUN": RUN}
     listed = session.zeros(1, np.uint32)
     entries = session.empty(count, np.uint32)
-    direct = session.kernel(file, f"{verb}_direct", **defines)
+    direct = session.kernel(file, f"{verb}_direct", **defines, EDGE_BITS=32)
     for first, last in _launches(count, TRIANGLES_PER_LAUNCH):
         session.run(
             direct,
-            last - first,
+            -(-(last - first) // RUN),
             *(np.uint64(first), np.uint64(last), space, faces, vertices, listed, entries),
             *sink,
         )
@@ -86,10 +90,10 @@ def visit_facets(
     if large == 0:
         return
     tiles = session.empty(int(large), np.uint32)
-    count_tiles = session.kernel(file, "count_tiles", **defines)
+    count_tiles = session.kernel(file, "count_tiles", **defines, EDGE_BITS=64)
     session.run(count_tiles, int(large), large, space, faces, vertices, entries, tiles)
     offsets, pairs = prefix_sum(session, tiles, bits=64)
-    tiled = session.kernel(file, f"{verb}_tiles", **defines)
+    tiled = session.kernel(file, f"{verb}_tiles", **defines, EDGE_BITS=64)
     for first, last in _launches(pairs, TILES_PER_LAUNCH):
         span = np.uint64(first), np.uint64(last)
         session.run(

@@ -32,10 +32,13 @@ def int2(first: int, second: int) -> np.generic:
 
 @dataclass(frozen=True)
 class Cells:
-    """The coarse grid: which of its cells are touched, and the rank that numbers their bricks.
+    """A level above the voxels: which of its cells are touched, and the rank of those.
 
-    shape: cells (x, y, z); brick: voxels (x, y, z) in a cell.
-    boundary: (Nz, Ny, words) uint32 bits; rank: uint32, one per 256 bits; count: boundary cells.
+    The coarse grid, or, as `finer` of it, the cells between it and the voxels.
+
+    shape: cells (x, y, z) of the whole grid; brick: cells of the next level, or voxels, in each.
+    boundary: uint32 bits, (Nz, Ny, words) for the coarse grid, (bricks, words) below it.
+    rank: uint32, one per 256 bits; count: boundary cells.
     """
 
     shape: Shape
@@ -43,25 +46,40 @@ class Cells:
     boundary: cla.Array
     rank: cla.Array
     count: int
+    finer: Cells | None = None
 
     @property
-    def shape4(self) -> np.generic:
-        """The shape, as a kernel takes it."""
-        return int4(self.shape)
+    def last(self) -> Cells:
+        """The level whose bricks hold voxels."""
+        return self.finer or self
+
+    @property
+    def levels(self) -> tuple[Shape, ...]:
+        """Shape of the coarse grid, and of the bricks level by level."""
+        return (self.shape, self.brick, *([self.finer.brick] if self.finer else []))
+
+    @property
+    def tree(self) -> tuple[Argument, ...]:
+        """TREE_PARAMETERS of `common/bricks.h`."""
+        finer = (self.finer.boundary, self.finer.rank) if self.finer else ()
+        return int4(self.shape), self.boundary, self.rank, *finer
 
     @property
     def defines(self) -> dict[str, int]:
-        """The bricks' sides, as kernels are built with."""
-        return brick_defines(self.brick)
+        """What kernels that look for bricks are built with."""
+        if self.finer is None:
+            return brick_defines(self.brick)
+        middle = dict(zip(("MIDDLE_X", "MIDDLE_Y", "MIDDLE_Z"), self.brick, strict=True))
+        return brick_defines(self.finer.brick) | middle | {"LEVELS": 3}
 
     @property
     def brick_words(self) -> int:
-        """Words of one brick."""
+        """Words of a brick of this level."""
         return words_for(math.prod(self.brick))
 
     @property
     def face_words(self) -> int:
-        """Words of one face: a bit for each ray along y through a cell."""
+        """Words of one face: a bit for each ray along y through a cell of this level."""
         return words_for(self.brick[0] * self.brick[2])
 
 
@@ -81,19 +99,20 @@ class Bricks:
 
     @classmethod
     def cleared(cls, session: Session, cells: Cells) -> Bricks:
-        """Return bricks for *cells* without a flipped bit."""
-        columns = cells.shape[2], cells.shape[0], cells.face_words
+        """Return bricks of voxels for the tree *cells* without a flipped bit."""
+        last = cells.last
+        columns = last.shape[2], last.shape[0], last.face_words
         return cls(
-            voxels=session.zeros((cells.count, cells.brick_words), np.uint32),
-            exits=session.zeros((cells.count, cells.face_words), np.uint32),
+            voxels=session.zeros((last.count, last.brick_words), np.uint32),
+            exits=session.zeros((last.count, last.face_words), np.uint32),
             entry=session.zeros(columns, np.uint32),
             beyond=session.zeros(columns, np.uint32),
         )
 
 
 def brick_defines(brick: Shape) -> dict[str, int]:
-    """A brick's sides, as kernels are built with."""
-    return dict(zip(("BRICK_X", "BRICK_Y", "BRICK_Z"), brick, strict=True))
+    """What kernels that look for bricks below a coarse grid are built with."""
+    return {"LEVELS": 2, **dict(zip(("BRICK_X", "BRICK_Y", "BRICK_Z"), brick, strict=True))}
 
 
 def cell_shape(shape: Shape, brick: Shape) -> Shape:
@@ -106,8 +125,9 @@ def cell_shape(shape: Shape, brick: Shape) -> Shape:
 class VoxelArrays:
     """A model's arrays on the device.
 
-    shape: voxels (x, y, z).  With two levels, `cells` and `inside` (bits like `cells.boundary`)
-    are there and `voxels` are bricks, (count, brick words); with one level `voxels` is the dense
+    shape: voxels (x, y, z).  With two levels or three, `cells` and `inside` (bits like
+    `cells.boundary`) are there and `voxels` are bricks, (count, brick words); with three,
+    `middle_inside` too (bits like `cells.finer.boundary`).  With one level `voxels` is the dense
     grid of bits, (nz, ny, words).
     """
 
@@ -115,31 +135,34 @@ class VoxelArrays:
     voxels: cla.Array
     cells: Cells | None = None
     inside: cla.Array | None = None
+    middle_inside: cla.Array | None = None
 
     @property
     def levels(self) -> tuple[Shape, ...]:
         """Shape of the coarse grid and of the bricks; of the dense grid alone if there are none."""
-        return (self.shape,) if self.cells is None else (self.cells.shape, self.cells.brick)
+        return (self.shape,) if self.cells is None else self.cells.levels
+
+    @property
+    def columns(self) -> Shape:
+        """Cells of voxels along each axis; the voxels themselves in a dense grid."""
+        return self.shape if self.cells is None else self.cells.last.shape
 
     @property
     def nbytes(self) -> int:
         """Bytes on the device."""
-        arrays = [self.voxels]
-        if self.cells is not None and self.inside is not None:
-            arrays += [self.cells.boundary, self.cells.rank, self.inside]
-        return sum(array.nbytes for array in arrays)
+        arrays = [argument for argument in self.arguments() if isinstance(argument, cla.Array)]
+        return sum(array.nbytes for array in arrays[:-1])
 
     @property
     def defines(self) -> dict[str, int]:
         """What kernels that read a model (`common/model.h`) are built with."""
-        if self.cells is None:
-            return {"LEVELS": 1}
-        return {"LEVELS": 2, **self.cells.defines}
+        return {"LEVELS": 1} if self.cells is None else self.cells.defines
 
     def arguments(self, edge: cla.Array | None = None) -> tuple[Argument, ...]:
         """What kernels that read a model take: MODEL_PARAMETERS of `common/model.h`."""
-        none = self.voxels if edge is None else edge
-        if self.cells is None or self.inside is None:
-            return int4(self.shape), none, none, none, self.voxels, none
-        cells = self.cells
-        return cells.shape4, cells.boundary, self.inside, cells.rank, self.voxels, none
+        above: tuple[Argument, ...] = (int4(self.shape),)
+        if self.cells is not None and self.inside is not None:
+            above = *self.cells.tree, self.inside
+            if self.middle_inside is not None:
+                above = *above, self.middle_inside
+        return *above, self.voxels, self.voxels if edge is None else edge

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from clvox.device import Session
 from clvox.grid import Shape
-from clvox.ops.layout import VoxelArrays, cell_shape, int2, int4
+from clvox.ops.layout import Cells, VoxelArrays, cell_shape, int2, int4
+from clvox.ops.multilevel import list_bricks
 from clvox.ops.query import Rule
 
 _COUNT = "measure/count_voxels.cl"
@@ -60,19 +61,39 @@ def _count_inside(session: Session, arrays: VoxelArrays) -> int:
     cells, inside = arrays.cells, arrays.inside
     if cells is None or inside is None:
         return 0
+    sides = tuple(np.prod(cells.levels[1:], axis=0).tolist())
     nx, ny, nz = cells.shape
     counts = session.empty((nz, ny, 2), np.uint32)
     kernel = session.kernel(_COUNT, "count_cells", RULE=Rule.CENTRE, RUN=RUN)
     session.run(kernel, ny * nz, int4(cells.shape), inside, counts)
     last_x, width_y, width_z = (
         np.minimum(side, count - side * np.arange(number))
-        for side, count, number in zip(cells.brick, arrays.shape, cells.shape, strict=True)
+        for side, count, number in zip(sides, arrays.shape, cells.shape, strict=True)
     )
     found = counts.get().astype(np.int64)
-    rows = found[..., 0] * cells.brick[0] + found[..., 1] * last_x[nx - 1]
+    rows = found[..., 0] * sides[0] + found[..., 1] * last_x[nx - 1]
     # A row's voxels number below 2^17 and a plane of rows below 2^34, so int64 holds the sum.
     assert math.prod(arrays.shape) < 2**62
-    return int((rows * width_y[None, :] * width_z[:, None]).sum())
+    total = int((rows * width_y[None, :] * width_z[:, None]).sum())
+    finer, middle_inside = cells.finer, arrays.middle_inside
+    if finer is None or middle_inside is None or not middle_inside.size:
+        return total
+    counts = session.empty(middle_inside.size, np.uint32)
+    kernel = session.kernel(
+        _COUNT, "count_middle", RULE=Rule.CENTRE, RUN=RUN, **_sides(cells, finer)
+    )
+    owners = list_bricks(session, cells)
+    words = np.uint64(middle_inside.size)
+    session.run(
+        kernel, middle_inside.size, words, int4(arrays.shape), owners, middle_inside, counts
+    )
+    return total + int(counts.get().sum(dtype=np.uint64))
+
+
+def _sides(cells: Cells, finer: Cells) -> dict[str, int]:
+    """Sides of a brick of cells, and of each cell, as the kernel is built with."""
+    names = "ABOVE_X", "ABOVE_Y", "ABOVE_Z", "CELL_X", "CELL_Y", "CELL_Z"
+    return dict(zip(names, (*cells.brick, *finer.brick), strict=True))
 
 
 def sum_moments(session: Session, arrays: VoxelArrays) -> tuple[int, ...]:
@@ -80,14 +101,14 @@ def sum_moments(session: Session, arrays: VoxelArrays) -> tuple[int, ...]:
 
     In this order: their number; of i, j, k; of ii, jj, kk; of ij, jk, ik.
     """
-    levels = arrays.levels
-    rows = levels[0][1] * levels[0][2]
+    _, columns_y, columns_z = arrays.columns
+    rows = columns_y * columns_z
     kernel = session.kernel(_MOMENTS, "sum_moments", **_defines(arrays), SUMS=SUMS)
     total = [0] * SUMS
     for first in range(0, rows, ROWS):
         count = min(ROWS, rows - first)
         sums = session.empty((count, SUMS), np.uint64)
-        span = int4(arrays.shape), np.uint64(first), np.uint64(count)
+        span = int4(arrays.shape), int4(arrays.columns), np.uint64(first), np.uint64(count)
         session.run(kernel, count, *span, *arrays.arguments(), sums)
         found = sums.get()
         high = (found >> np.uint64(32)).sum(axis=0, dtype=np.uint64).tolist()

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from clvox.device import Session
 from clvox.grid import Shape
-from clvox.ops.layout import VoxelArrays, cell_shape, int4, words_for
+from clvox.ops.layout import VoxelArrays, brick_defines, cell_shape, int4, words_for
 from clvox.ops.multilevel import rank_cells
 
 _FILE = "pack/pack_voxels.cl"
@@ -27,7 +27,7 @@ def pack_voxels(session: Session, voxels: NDArray[np.bool_], brick: Shape) -> Vo
     words = words_for(cells[0])
     boundary = session.empty((cells[2], cells[1], words), np.uint32)
     inside = session.empty(boundary.shape, np.uint32)
-    defines = {"BRICK_X": brick[0], "BRICK_Y": brick[1], "BRICK_Z": brick[2]}
+    defines = brick_defines(brick)
     kernel = session.kernel(_FILE, "pack_cells", **defines)
     for layer, layers, slab in _slabs(session, voxels, cells, brick):
         span = np.int32(layer), np.int32(layers), int4(cells), int4(shape)

@@ -12,7 +12,7 @@ from clvox.device import Session
 from clvox.grid import Shape
 from clvox.ops.layout import VoxelArrays, int4
 
-RUN = 16
+RUN = 128
 """Voxels along x that one work-item expands."""
 
 
@@ -57,22 +57,29 @@ def expand(
     stop: Shape,
     rule: Rule = Rule.CENTRE,
     edge: cla.Array | None = None,
+    into: NDArray[np.uint8] | None = None,
 ) -> NDArray[np.uint8]:
-    """Return what *rule* says of the voxels from *start* to before *stop*; [z, y, x] uint8."""
+    """Return what *rule* says of the voxels from *start* to before *stop*; [z, y, x] uint8.
+
+    It is written into *into*, an array of that shape in one piece, if given.
+    """
     x, y, z = (last - first for first, last in zip(start, stop, strict=True))
+    if into is None:
+        into = np.empty((z, y, x), np.uint8)
+    if into.size == 0:
+        return into
     out = session.empty((z, y, x), np.uint8)
-    if out.size == 0:
-        return out.get()
     kernel = session.kernel("query/expand.cl", "expand", RULE=rule, RUN=RUN, **arrays.defines)
     runs = -(-x // RUN) * y * z
     session.run(kernel, runs, int4(start), int4((x, y, z)), *arrays.arguments(edge), out)
-    return out.get()
+    out.get(ary=into)
+    return into
 
 
 def expand_cells(
-    session: Session, arrays: VoxelArrays, start: Shape, stop: Shape
+    session: Session, arrays: VoxelArrays, start: Shape, stop: Shape, level: int = 0
 ) -> NDArray[np.uint8]:
-    """Return the state of the coarse cells from *start* to before *stop*; [z, y, x] uint8.
+    """Return the state of the cells of *level* from *start* to before *stop*; [z, y, x] uint8.
 
     0 is outside, 1 inside, 2 boundary.
     """
@@ -81,5 +88,6 @@ def expand_cells(
     if out.size == 0:
         return out.get()
     kernel = session.kernel("query/expand.cl", "expand_cells", RULE=0, RUN=RUN, **arrays.defines)
-    session.run(kernel, x * y * z, int4(start), int4((x, y, z)), *arrays.arguments(), out)
+    box = int4(start), int4((x, y, z)), np.int32(level)
+    session.run(kernel, x * y * z, *box, *arrays.arguments(), out)
     return out.get()

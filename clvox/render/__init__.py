@@ -1,1 +1,5 @@
 """Pictures of models."""
+
+from clvox.render.image import render
+
+__all__ = ["render"]

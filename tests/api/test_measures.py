@@ -13,7 +13,12 @@ from clvox import Grid, GridError, VoxelModel, voxelize
 from clvox.models.levels import Levels
 
 GRID = Grid((-1.0, 2.0, 0.5), (0.5, 0.25, 1.0), (37, 26, 19))
-LEVELS: list[Levels] = [[GRID.shape], [(5, 4, 3), (8, 8, 8)], [(1, 6, 10), (40, 5, 2)]]
+LEVELS: list[Levels] = [
+    [GRID.shape],
+    [(5, 4, 3), (8, 8, 8)],
+    [(1, 6, 10), (40, 5, 2)],
+    [(3, 4, 2), (4, 2, 3), (4, 4, 4)],
+]
 
 
 def boxes(model: VoxelModel) -> trimesh.Trimesh:

@@ -63,7 +63,8 @@ def signed_volume(mesh: Mesh) -> float:
 def check(solid: Solid, mesh: Mesh) -> None:
     """Closed, oriented, without repeated vertices, right side out, and of the right topology."""
     vertices, faces = mesh
-    assert faces.shape[1:] == (3,) and vertices.shape[1:] == (3,)
+    assert faces.shape[1:] == (3,)
+    assert vertices.shape[1:] == (3,)
     sides = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]).astype(np.int64)
     assert (sides[:, 0] != sides[:, 1]).all()
     forth = np.sort(sides[:, 0] * len(vertices) + sides[:, 1])
@@ -134,8 +135,7 @@ def test_a_side_in_a_face_belongs_to_one_triangle_and_an_inner_side_to_two() -> 
 
 @pytest.mark.parametrize("axis", range(3))
 def test_cubes_agree_on_the_face_between_them(axis: int) -> None:
-    """The sides in a face depend on its four samples only, and neighbours run along them
-    in opposite directions."""
+    """Sides in a face depend on its samples only; neighbours run along them in opposite ways."""
     below: dict[bytes, set[Side]] = {}
     above: dict[bytes, set[Side]] = {}
     for case in range(256):
@@ -190,8 +190,11 @@ def test_the_euler_number_is_right_in_every_cube() -> None:
 
 
 def test_the_triangles_of_a_cube_meet_only_in_what_they_share() -> None:
-    """So the surface does not cut itself: a plane stands between any two triangles, and touches
-    them in common vertices only; and none lies in a face, where a neighbour might have another."""
+    """So the surface does not cut itself.
+
+    A plane stands between any two triangles, and touches them in common vertices only; and none
+    lies in a face, where a neighbour might have another.
+    """
     normals = np.array(list(itertools.product(range(-2, 3), repeat=3)))
     for case in range(256):
         for one in triangles(case):
@@ -274,7 +277,8 @@ def test_blocks_and_skipped_cells_do_not_show(
     vertices, faces = extract(grid, reader(solid), uniform, cell, block=block)
     whole = extract(grid, reader(solid), block=100)
     assert np.array_equal(vertices, whole[0])
-    assert np.array_equal(faces, whole[1]) and faces.dtype == whole[1].dtype == np.int32
+    assert np.array_equal(faces, whole[1])
+    assert faces.dtype == whole[1].dtype == np.int32
     expected: list[Any] = []
     if solid.any():
         padded = np.pad(solid, 1).astype(np.float32)
@@ -298,7 +302,7 @@ def test_a_voxel_becomes_an_octahedron_in_its_place() -> None:
     vertices, faces = extract(grid, reader(solid))
     center = np.array([12.5, -19, 44])
     axes = np.array([[0, 0, 2], [0, 1, 0], [0.5, 0, 0]])
-    assert np.array_equal(vertices, center + [*-axes, *axes[::-1]])
+    assert np.array_equal(vertices, [*center, *(-axes), *axes[::-1]])
     assert faces.shape == (8, 3)
     assert signed_volume((vertices, faces)) == pytest.approx(8 / 6)
 
@@ -313,8 +317,10 @@ def test_a_full_grid_becomes_its_box() -> None:
 
 def test_an_empty_solid_has_an_empty_surface() -> None:
     vertices, faces = extract(Grid((0, 0, 0), 1, (5, 6, 7)), reader(np.zeros((7, 6, 5), bool)))
-    assert vertices.shape == (0, 3) and vertices.dtype == np.float64
-    assert faces.shape == (0, 3) and faces.dtype == np.int32
+    assert vertices.shape == (0, 3)
+    assert vertices.dtype == np.float64
+    assert faces.shape == (0, 3)
+    assert faces.dtype == np.int32
 
 
 class Ball:
@@ -415,4 +421,4 @@ def test_what_does_not_fit_is_refused(options: dict[str, Any], words: str) -> No
 
 def test_a_read_of_the_wrong_shape_is_refused() -> None:
     with pytest.raises(GridError, match=r"must return the shape \(5, 4, 3\)"):
-        extract(Grid((0, 0, 0), 1, (3, 4, 5)), lambda start, stop: np.zeros((3, 4, 5), bool))
+        extract(Grid((0, 0, 0), 1, (3, 4, 5)), lambda _start, _stop: np.zeros((3, 4, 5), bool))

@@ -12,30 +12,30 @@ from clvox.ops.combine import full
 from clvox.ops.layout import VoxelArrays, words_for
 from clvox.ops.multilevel import rank_cells
 from clvox.reference.measure import sum_moments
-from tests.kernels.solids import SIZES, pack, solid
+from tests.kernels.solids import SIZES, Sides, levels_of, pack, solid
 
 
-@pytest.mark.parametrize("shape, brick", SIZES)
-def test_sums_equal_the_twin(session: Session, shape: Shape, brick: Shape | None) -> None:
+@pytest.mark.parametrize("shape, sides", SIZES)
+def test_sums_equal_the_twin(session: Session, shape: Shape, sides: Sides) -> None:
     """Cells that are in, out and mixed, also where the grid ends within them."""
-    voxels = solid(11, shape, brick)
-    assert measure.sum_moments(session, pack(session, voxels, brick)) == sum_moments(voxels)
+    voxels = solid(11, shape, sides)
+    assert measure.sum_moments(session, pack(session, voxels, sides)) == sum_moments(voxels)
 
 
-@pytest.mark.parametrize("brick", [None, (2, 2, 2)])
+@pytest.mark.parametrize("sides", [(), ((2, 2, 2),), ((2, 1, 2), (1, 2, 1))])
 def test_rows_in_several_launches(
-    session: Session, brick: Shape | None, monkeypatch: pytest.MonkeyPatch
+    session: Session, sides: Sides, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The last launch has fewer rows than the others."""
     monkeypatch.setattr(measure, "ROWS", 4)
-    voxels = solid(12, (9, 6, 5), brick)
-    assert measure.sum_moments(session, pack(session, voxels, brick)) == sum_moments(voxels)
+    voxels = solid(12, (9, 6, 5), sides)
+    assert measure.sum_moments(session, pack(session, voxels, sides)) == sum_moments(voxels)
 
 
 @pytest.mark.parametrize("shape", [(MAX_SHAPE, 64, MAX_SHAPE), (64, MAX_SHAPE - 7, 64)])
 def test_sums_of_the_largest_box(session: Session, shape: Shape) -> None:
     """Sums of one row come close to 63 bits, and their total goes beyond 64."""
-    found = measure.sum_moments(session, full(session, shape, (64, 64, 64)))
+    found = measure.sum_moments(session, full(session, shape, levels_of(shape, ((64, 64, 64),))))
     assert found == _box_sums(shape)
 
 

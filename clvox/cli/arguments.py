@@ -1,0 +1,163 @@
+"""What may be asked for on the command line."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+
+from clvox._version import __version__
+
+Triple = tuple[int, int, int]
+
+DEMO_RESOLUTION = 512
+INFO_RESOLUTION = 256
+
+
+def parse(argv: Sequence[str] | None) -> argparse.Namespace:
+    """Return the options; leave with status 2 and a word on the usage if they make no sense."""
+    parser = _parser()
+    options = parser.parse_args(argv)
+    if options.command in ("voxelize", "mesh", "render"):
+        saved = options.file.endswith(".npz")
+        asked = [options.resolution, options.pitch, options.levels]
+        if saved and options.command == "voxelize":
+            parser.error(f"{options.file} is a model already; voxelize takes a mesh")
+        if saved and any(value is not None for value in asked):
+            parser.error(f"{options.file} has its voxels: -r, --pitch and --levels are for meshes")
+        if not saved and all(value is None for value in asked):
+            parser.error("one of -r/--resolution, --pitch and --levels is required")
+    return options
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="clvox",
+        description="Exact multi-level voxel models of closed meshes, on any OpenCL device.",
+        epilog="Exit status: 0 all is well, 1 files, mesh or device stand in the way, 2 wrong "
+        "arguments, 130 interrupted.",
+        allow_abbrev=False,
+    )
+    parser.add_argument("--version", action="version", version=f"clvox {__version__}")
+    verbs = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
+    common, device, voxels = _common(), _device(), _voxels()
+
+    verbs.add_parser("devices", parents=[common], help="list the OpenCL devices")
+
+    info = verbs.add_parser("info", parents=[common], help="tell what a mesh is like")
+    _file(info)
+    size = info.add_mutually_exclusive_group()
+    _resolution(size)
+
+    voxelize = verbs.add_parser(
+        "voxelize", parents=[common, device, voxels], help="make voxels of a closed mesh"
+    )
+    _file(voxelize)
+    _output(voxelize, ".npz", required=False)
+    voxelize.add_argument(
+        "--volume-bounds",
+        action="store_true",
+        help="also bound the volume, by the voxels wholly inside and those inside or touched",
+    )
+
+    mesh = verbs.add_parser(
+        "mesh", parents=[common, device, voxels], help="make voxels, and a mesh of them"
+    )
+    _file(mesh, model=True)
+    _output(mesh, ".ply, .stl or .obj")
+
+    render = verbs.add_parser(
+        "render", parents=[common, device, voxels], help="make voxels, and a picture of them"
+    )
+    _file(render, model=True)
+    _output(render, ".png")
+    render.add_argument(
+        "--size", type=_size, default=(1920, 1080), metavar="WxH", help="pixels; 1920x1080"
+    )
+
+    demo = verbs.add_parser(
+        "demo", parents=[common, device], help="make voxels, a picture and a mesh of a part"
+    )
+    demo.add_argument("--out", default="clvox-demo", metavar="DIR", help="clvox-demo by default")
+    demo.add_argument(
+        "-r",
+        "--resolution",
+        type=int,
+        default=DEMO_RESOLUTION,
+        metavar="N",
+        help=f"voxels along the longest side; {DEMO_RESOLUTION} by default",
+    )
+    return parser
+
+
+def _common() -> argparse.ArgumentParser:
+    common = argparse.ArgumentParser(add_help=False)
+    group = common.add_argument_group("what is printed")
+    group.add_argument("--json", action="store_true", help="the result as JSON, and nothing else")
+    group.add_argument("--quiet", action="store_true", help="no progress bars")
+    group.add_argument("--debug", action="store_true", help="a traceback with an error")
+    return common
+
+
+def _device() -> argparse.ArgumentParser:
+    device = argparse.ArgumentParser(add_help=False)
+    device.add_argument(
+        "--device",
+        metavar="D",
+        help="a number of `clvox devices`, gpu, cpu, or a part of a device's name; by default "
+        "CLVOX_DEVICE, the first GPU, or the first device",
+    )
+    return device
+
+
+def _voxels() -> argparse.ArgumentParser:
+    voxels = argparse.ArgumentParser(add_help=False)
+    group = voxels.add_argument_group("size of the voxels")
+    size = group.add_mutually_exclusive_group()
+    _resolution(size)
+    group.add_argument(
+        "--levels",
+        type=_triple,
+        nargs="+",
+        metavar="X,Y,Z",
+        help="cells of the coarse grid and voxels in each of them; a single triple, the grid's "
+        "shape, asks for one level",
+    )
+    return voxels
+
+
+def _resolution(group: argparse._ActionsContainer) -> None:
+    group.add_argument(
+        "-r", "--resolution", type=int, metavar="N", help="voxels along the longest side"
+    )
+    group.add_argument(
+        "--pitch", type=float, metavar="P", help="width of a voxel, in the mesh's unit of length"
+    )
+
+
+def _file(parser: argparse.ArgumentParser, *, model: bool = False) -> None:
+    what = "a mesh: STL, OBJ or PLY, also compressed (.gz)"
+    if model:
+        what += "; or a model that `clvox voxelize` wrote (.npz)"
+    parser.add_argument("file", metavar="FILE", help=what)
+
+
+def _output(parser: argparse.ArgumentParser, kinds: str, *, required: bool = True) -> None:
+    parser.add_argument(
+        "-o", "--output", required=required, metavar="OUT", help=f"the file to write, {kinds}"
+    )
+
+
+def _triple(text: str) -> Triple:
+    try:
+        x, y, z = map(int, text.split(","))
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"three integers X,Y,Z are expected, got {text}") from None
+    return x, y, z
+
+
+def _size(text: str) -> tuple[int, int]:
+    try:
+        width, height = map(int, text.split("x"))
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"WIDTHxHEIGHT is expected, got {text}") from None
+    return width, height
