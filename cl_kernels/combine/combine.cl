@@ -10,6 +10,7 @@
  * Defines:    OP  0: union, 1: intersection, 2: difference, 3: symmetric difference
  *             LEVELS, RULE = 0, BRICK_*, MIDDLE_*  of the models (common/model.h)
  */
+#include "common/index.h"
 #include "common/model.h"
 
 #define UNION 0
@@ -89,9 +90,10 @@ static inline uint real_bits(const int w, const int3 sides, const int3 kept)
     }
     uint bits = 0;
     for (int bit = 0; bit < 32; ++bit) {
-        const int at = 32 * w + bit;
-        const int3 cell = (int3)(at % sides.x, at / sides.x % sides.y, at / sides.x / sides.y);
-        if (all(cell < kept)) bits |= 1u << bit;
+        ulong rest = 32 * w + bit;
+        const int x = take_place(&rest, sides.x);
+        const int y = take_place(&rest, sides.y);
+        if (x < kept.x && y < kept.y && (int)rest < kept.z) bits |= 1u << bit;
     }
     return bits;
 }
@@ -131,8 +133,9 @@ __kernel void combine_middle(
 {
     const ulong id = get_global_id(0);
     if (id >= words) return;
-    const int w = (int)(id % MIDDLE_WORDS);
-    const int3 at = vload3(id / MIDDLE_WORDS, owners);
+    ulong brick = id;
+    const int w = take_place(&brick, MIDDLE_WORDS);
+    const int3 at = vload3(brick, owners);
     const int3 sides = (int3)(MIDDLE_X, MIDDLE_Y, MIDDLE_Z);
     const uint real = real_bits(w, sides, min(shape.xyz - at * sides, sides));
     const ulong a = coarse_state(ARGUMENTS_OF(a), at.x, at.y, at.z);
@@ -157,8 +160,9 @@ __kernel void combine_bricks(
 {
     const ulong id = get_global_id(0);
     if (id >= words) return;
-    const int w = (int)(id % BRICK_WORDS);
-    const int3 at = vload3(id / BRICK_WORDS, owners);
+    ulong brick = id;
+    const int w = take_place(&brick, BRICK_WORDS);
+    const int3 at = vload3(brick, owners);
     const int3 sides = (int3)(BRICK_X, BRICK_Y, BRICK_Z);
     const uint real = real_bits(w, sides, min(voxels.xyz - at * sides, sides));
     result[id] = combine_bits(

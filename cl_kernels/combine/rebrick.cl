@@ -12,6 +12,7 @@
  *             NEW_X, NEW_Y, NEW_Z        sides of the result's cells in voxels; 0: a dense grid
  *             ABOVE_X, ABOVE_Y, ABOVE_Z  cells along the sides of the result's bricks of cells
  */
+#include "common/index.h"
 #include "common/model.h"
 
 
@@ -24,9 +25,10 @@ __kernel void flatten(const int4 voxels, MODEL_PARAMETERS, __global uint *restri
     const int row_words = (voxels.x + 31) / 32;
     const ulong id = get_global_id(0);
     if (id >= (ulong)row_words * voxels.y * voxels.z) return;
-    const int first = (int)(id % row_words) * 32;
-    const int y = (int)(id / row_words % voxels.y);
-    const int z = (int)(id / row_words / voxels.y);
+    ulong rest = id;
+    const int first = 32 * take_place(&rest, row_words);
+    const int y = take_place(&rest, voxels.y);
+    const int z = (int)rest;
     uint bits = 0;
     for (int lane = 0; lane < min(voxels.x - first, 32); ++lane)
         bits |= read_voxel(MODEL_ARGUMENTS, first + lane, y, z) << lane;
@@ -95,9 +97,10 @@ __kernel void rebrick_cells(
     const int row_words = (counts.x + 31) / 32;
     const ulong id = get_global_id(0);
     if (id >= (ulong)row_words * counts.y * counts.z) return;
-    const int first = (int)(id % row_words) * 32;
-    const int y = (int)(id / row_words % counts.y);
-    const int z = (int)(id / row_words / counts.y);
+    ulong rest = id;
+    const int first = 32 * take_place(&rest, row_words);
+    const int y = take_place(&rest, counts.y);
+    const int z = (int)rest;
     const int3 sides = (int3)(NEW_X, NEW_Y, NEW_Z);
     uint differ = 0, in = 0;
     for (int lane = 0; lane < min(counts.x - first, 32); ++lane) {
@@ -120,14 +123,16 @@ __kernel void rebrick_middle(
     const ulong id = get_global_id(0);
     if (id >= words) return;
     const int brick_words = (ABOVE_X * ABOVE_Y * ABOVE_Z + 31) / 32;
-    const int3 corner = vload3(id / brick_words, owners) * (int3)(ABOVE_X, ABOVE_Y, ABOVE_Z);
+    ulong brick = id;
+    const int first = 32 * take_place(&brick, brick_words);
+    const int3 corner = vload3(brick, owners) * (int3)(ABOVE_X, ABOVE_Y, ABOVE_Z);
     const int3 sides = (int3)(NEW_X, NEW_Y, NEW_Z);
-    const int first = (int)(id % brick_words) * 32;
     uint differ = 0, in = 0;
     for (int lane = 0; lane < min(ABOVE_X * ABOVE_Y * ABOVE_Z - first, 32); ++lane) {
-        const int at = first + lane;
-        const int3 cell = (int3)(at % ABOVE_X, at / ABOVE_X % ABOVE_Y, at / ABOVE_X / ABOVE_Y);
-        const int3 low = (corner + cell) * sides;
+        ulong rest = first + lane;
+        const int x = take_place(&rest, ABOVE_X);
+        const int y = take_place(&rest, ABOVE_Y);
+        const int3 low = (corner + (int3)(x, y, (int)rest)) * sides;
         if (any(low >= voxels.xyz)) continue;
         const uint state = state_of(MODEL_ARGUMENTS, low, min(low + sides, voxels.xyz) - 1);
         differ |= (state >> 1) << lane;
@@ -147,13 +152,17 @@ __kernel void rebrick_voxels(
     if (id >= words) return;
     const int size = NEW_X * NEW_Y * NEW_Z;
     const int brick_words = (size + 31) / 32;
-    const int3 low = vload3(id / brick_words, owners) * (int3)(NEW_X, NEW_Y, NEW_Z);
-    const int first = (int)(id % brick_words) * 32;
+    ulong brick = id;
+    const int first = 32 * take_place(&brick, brick_words);
+    const int3 low = vload3(brick, owners) * (int3)(NEW_X, NEW_Y, NEW_Z);
     uint bits = 0;
     for (int lane = 0; lane < min(size - first, 32); ++lane) {
-        const int voxel = first + lane;
-        const int3 at = low + (int3)(voxel % NEW_X, voxel / NEW_X % NEW_Y, voxel / NEW_X / NEW_Y);
-        if (all(at < voxels.xyz)) bits |= read_voxel(MODEL_ARGUMENTS, at.x, at.y, at.z) << lane;
+        ulong rest = first + lane;
+        const int x = low.x + take_place(&rest, NEW_X);
+        const int y = low.y + take_place(&rest, NEW_Y);
+        const int z = low.z + (int)rest;
+        if (x < voxels.x && y < voxels.y && z < voxels.z)
+            bits |= read_voxel(MODEL_ARGUMENTS, x, y, z) << lane;
     }
     result[id] = bits;
 }

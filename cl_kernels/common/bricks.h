@@ -14,6 +14,8 @@
 #ifndef CLVOX_BRICKS_H
 #define CLVOX_BRICKS_H
 
+#include "common/index.h"
+
 #define BRICK_WORDS ((BRICK_X * BRICK_Y * BRICK_Z + 31) / 32)
 #define FACE_WORDS ((BRICK_X * BRICK_Z + 31) / 32)
 #define RANK_WORDS 8
@@ -73,7 +75,8 @@ typedef struct {
  * `node`. */
 static inline ulong middle_bit(const uint node, const int x, const int y, const int z)
 {
-    const int at = ((z % MIDDLE_Z) * MIDDLE_Y + y % MIDDLE_Y) * MIDDLE_X + x % MIDDLE_X;
+    const int at = (place_in(z, MIDDLE_Z) * MIDDLE_Y + place_in(y, MIDDLE_Y)) * MIDDLE_X
+                 + place_in(x, MIDDLE_X);
     return (ulong)node * (32 * MIDDLE_WORDS) + at;
 }
 

@@ -40,7 +40,7 @@ static inline uint by_rule(const uint solid, const uint touched)
 #if LEVELS == 1
 
 #define MODEL_PARAMETERS \
-    const int4 cells, const __global uint *restrict bricks, const __global uint *restrict edge
+    const int4 cells, const __global uint *bricks, const __global uint *edge
 #define MODEL_ARGUMENTS cells, bricks, edge
 
 static inline uint read_voxel(MODEL_PARAMETERS, const int x, const int y, const int z)
@@ -55,14 +55,14 @@ static inline uint read_voxel(MODEL_PARAMETERS, const int x, const int y, const 
 
 #if LEVELS == 2
 #define MODEL_PARAMETERS \
-    TREE_PARAMETERS, const __global uint *restrict inside, \
-    const __global uint *restrict bricks, const __global uint *restrict edge
+    TREE_PARAMETERS, const __global uint *inside, \
+    const __global uint *bricks, const __global uint *edge
 #define MODEL_ARGUMENTS TREE_ARGUMENTS, inside, bricks, edge
 #else
 #define MODEL_PARAMETERS \
-    TREE_PARAMETERS, const __global uint *restrict inside, \
-    const __global uint *restrict middle_inside, \
-    const __global uint *restrict bricks, const __global uint *restrict edge
+    TREE_PARAMETERS, const __global uint *inside, \
+    const __global uint *middle_inside, \
+    const __global uint *bricks, const __global uint *edge
 #define MODEL_ARGUMENTS TREE_ARGUMENTS, inside, middle_inside, bricks, edge
 #endif
 
@@ -99,7 +99,8 @@ static inline uint read_voxel(MODEL_PARAMETERS, const int x, const int y, const 
 {
     const ulong state = cell_state(MODEL_ARGUMENTS, x / BRICK_X, y / BRICK_Y, z / BRICK_Z);
     if (state >= CELL_OUTSIDE) return by_rule(state == CELL_INSIDE, 0);
-    const uint voxel = ((z % BRICK_Z) * BRICK_Y + y % BRICK_Y) * BRICK_X + x % BRICK_X;
+    const uint voxel =
+        (place_in(z, BRICK_Z) * BRICK_Y + place_in(y, BRICK_Y)) * BRICK_X + place_in(x, BRICK_X);
     const ulong word = state * BRICK_WORDS + voxel / 32;
     return by_rule(bricks[word] >> (voxel % 32) & 1, EDGE_BIT(word, voxel % 32));
 }

@@ -7,6 +7,8 @@
  * Defines:    BRICK_X, BRICK_Y, BRICK_Z  cells along the sides of a brick of cells, for
  *                                        list_below; 1 for list_coarse
  */
+#include "common/bricks.h"
+#include "common/index.h"
 
 /* One work-item lists the boundary cells of one word of the coarse grid.
  * cells: shape of the grid.  owners: (bricks, 3) int32, (x, y, z) of each brick's cell. */
@@ -14,15 +16,17 @@ __kernel void list_coarse(
     const int4 cells, const __global uint *restrict boundary, const __global uint *restrict rank,
     __global int *restrict owners)
 {
-    const uint row_words = (cells.x + 31) / 32;
+    const int row_words = (cells.x + 31) / 32;
     const ulong id = get_global_id(0);
     if (id >= (ulong)row_words * cells.y * cells.z) return;
-    const int y = (int)(id / row_words % cells.y);
-    const int z = (int)(id / row_words / cells.y);
+    ulong rest = id;
+    const int first_x = 32 * take_place(&rest, row_words);
+    const int y = take_place(&rest, cells.y);
+    const int z = (int)rest;
     ulong brick = rank[id / 8];
     for (ulong w = id & ~7UL; w < id; ++w) brick += popcount(boundary[w]);
     for (uint left = boundary[id]; left; left &= left - 1, ++brick) {
-        const int x = (int)(id % row_words) * 32 + popcount((left & -left) - 1);
+        const int x = first_x + popcount((left & -left) - 1);
         vstore3((int3)(x, y, z), brick, owners);
     }
 }
@@ -37,14 +41,16 @@ __kernel void list_below(
 {
     const ulong id = get_global_id(0);
     if (id >= words) return;
-    const uint brick_words = (BRICK_X * BRICK_Y * BRICK_Z + 31) / 32;
     const int3 sides = (int3)(BRICK_X, BRICK_Y, BRICK_Z);
-    const int3 corner = vload3(id / brick_words, above) * sides;
+    ulong owner = id;
+    const int first = 32 * take_place(&owner, BRICK_WORDS);
+    const int3 corner = vload3(owner, above) * sides;
     ulong brick = rank[id / 8];
     for (ulong w = id & ~7UL; w < id; ++w) brick += popcount(boundary[w]);
     for (uint left = boundary[id]; left; left &= left - 1, ++brick) {
-        const int at = (int)(id % brick_words) * 32 + popcount((left & -left) - 1);
-        const int3 cell = (int3)(at % BRICK_X, at / BRICK_X % BRICK_Y, at / BRICK_X / BRICK_Y);
-        vstore3(corner + cell, brick, owners);
+        ulong rest = first + popcount((left & -left) - 1);
+        const int x = take_place(&rest, BRICK_X);
+        const int y = take_place(&rest, BRICK_Y);
+        vstore3(corner + (int3)(x, y, (int)rest), brick, owners);
     }
 }

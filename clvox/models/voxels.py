@@ -19,6 +19,8 @@ from clvox.grid import Grid, Lattice, Shape
 from clvox.mesh import Surface
 from clvox.models import archive
 from clvox.models.levels import Levels, resolve_levels
+from clvox.models.moments import center_of_mass, inertia
+from clvox.models.snapping import swept_volume
 from clvox.ops import combine, measure, pack, query
 from clvox.ops.boundary import mark_cells, mark_voxels
 from clvox.ops.combine import Operation
@@ -235,20 +237,76 @@ class VoxelModel:
 
     @cached_property
     def volume_bounds(self) -> tuple[float, float]:
-        """Volume of the voxels wholly inside, and of those inside or touched.
+        """Volume of the voxels wholly inside, and of those inside or touched, a little widened.
 
-        The solid within the grid's box has a volume between the two.
+        The volume of the solid within the grid's box is between the two: the solid of the mesh as
+        it was given.  Its vertices moved to the lattice, by at most half a step, and the bounds are
+        widened by the volume that the surface swept, which is far less than a voxel's width would
+        be (docs/algorithms/measures.md).
 
         Raises
         ------
         MeshError
             The model does not come from a mesh, so no voxel is known to be touched.
         """
-        low, high = (
+        within, touch = (
             measure.count_voxels(self._session, self._arrays, rule, self._edge)
             for rule in (Rule.WITHIN, Rule.TOUCH)
         )
-        return low * self.grid.voxel_volume, high * self.grid.voxel_volume
+        swept = sum(swept_volume(surface, lattice) for surface, lattice in self._surfaces)
+        voxel = self.grid.voxel_volume
+        return max(0.0, within * voxel - swept), min(self.grid.size * voxel, touch * voxel + swept)
+
+    @property
+    def center_mass(self) -> NDArray[np.float64]:
+        """Centre of mass of the voxels inside, (x, y, z) float64; NaN, three times, if none is.
+
+        It comes from sums of integers, and is the same on every device.
+        """
+        return center_of_mass(self.grid, self._moments)
+
+    @property
+    def moment_inertia(self) -> NDArray[np.float64]:
+        """Moments of inertia about the centre of mass, at density 1, along the axes of the grid.
+
+        As `trimesh.Trimesh.moment_inertia`, for the solid that is the union of the voxels' boxes.
+        (3, 3) float64, zeros if no voxel is inside; the same on every device.
+        """
+        return inertia(self.grid, self._moments)
+
+    def coverage(self, *, cells: ArrayLike = 8) -> NDArray[np.float32]:
+        """Return the fraction of each coarser cell that is inside.
+
+        Parameters
+        ----------
+        cells : int or (3,) int
+            Voxels along x, y and z of such a cell; they need not divide the grid, nor agree with
+            the model's levels.
+
+        Returns
+        -------
+        ndarray of float32
+            Indexed [z, y, x], of ceil(shape / cells) cells.  Where the grid ends within a cell, the
+            fraction is of its voxels that are in the grid.
+
+        Raises
+        ------
+        GridError
+            *cells* is not one or three positive integers.
+        """
+        asked = np.asarray(cells)
+        if asked.dtype.kind not in "iu" or asked.shape not in ((), (3,)) or asked.min() < 1:
+            raise GridError(f"cells must be one or three positive integers, got {cells!r}")
+        side = _triple(np.minimum(asked, self.grid.shape))
+        counts = measure.count_blocks(self._session, self._arrays, side)
+        # The host divides: OpenCL devices need not round a quotient correctly.
+        x, y, z = (
+            np.minimum(width, count - np.arange(0, count, width))
+            for width, count in zip(side, self.grid.shape, strict=True)
+        )
+        held = z[:, None, None] * y[:, None] * x
+        fractions: NDArray[np.float32] = (counts / held).astype(np.float32)
+        return fractions
 
     # Questions
 
@@ -374,6 +432,23 @@ class VoxelModel:
         )
         return trimesh.Trimesh(vertices, faces, process=False)
 
+    def to_trimesh(self) -> trimesh.voxel.VoxelGrid:
+        """Return the voxels as trimesh has them, placed where they are.
+
+        Its ``matrix`` is indexed [x, y, z] and takes a byte for each voxel of the grid; its
+        ``points`` are the centres of the voxels inside, and ``is_filled(points)`` says what
+        `contains` says.
+
+        Returns
+        -------
+        trimesh.voxel.VoxelGrid
+        """
+        place = np.diag([*self.grid.spacing, 1.0])
+        place[:3, 3] = self.grid.centers([[0, 0, 0]])[0]
+        make: Any = trimesh.voxel.VoxelGrid
+        voxels: trimesh.voxel.VoxelGrid = make(self.to_array().transpose(2, 1, 0), transform=place)
+        return voxels
+
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the model to *path*, a ``.npz`` file: the arrays of docs/layouts, and the grid."""
         archive.write(path, self.to_record())
@@ -383,6 +458,10 @@ class VoxelModel:
         return archive.pack(self.grid, self._arrays)
 
     # Inside
+
+    @cached_property
+    def _moments(self) -> tuple[int, ...]:
+        return measure.sum_moments(self._session, self._arrays)
 
     @cached_property
     def _edge(self) -> cla.Array:

@@ -1,4 +1,4 @@
-"""How many voxels a model has: `cl_kernels/measure`."""
+"""How many voxels a model has, where, and how they are spread: `cl_kernels/measure`."""
 
 from __future__ import annotations
 
@@ -6,16 +6,32 @@ import math
 
 import numpy as np
 import pyopencl.array as cla
+from numpy.typing import NDArray
 
 from clvox.device import Session
-from clvox.ops.layout import Cells, VoxelArrays, int4
+from clvox.grid import Shape
+from clvox.ops.layout import Cells, VoxelArrays, cell_shape, int2, int4
 from clvox.ops.multilevel import list_bricks
 from clvox.ops.query import Rule
 
-_FILE = "measure/count_voxels.cl"
+_COUNT = "measure/count_voxels.cl"
+_MOMENTS = "measure/sum_moments.cl"
+_BLOCKS = "measure/count_blocks.cl"
 
 RUN = 256
 """Words that one work-item counts."""
+
+SUMS = 10
+"""Sums of `sum_moments`."""
+
+ROWS = 1 << 16
+"""Rows of cells that one launch sums; so many halves of 64-bit sums do not overflow 64 bits."""
+
+PART = 64
+"""Most rows of voxels, along y and along z, that one work-item counts."""
+
+COUNTS = 1 << 24
+"""About how many counts of blocks are on the device at once."""
 
 
 def count_voxels(
@@ -33,7 +49,7 @@ def count_voxels(
     if words:
         parts = -(-words // RUN)
         counts = session.empty(parts, np.uint32)
-        kernel = session.kernel(_FILE, "count_bits", RULE=rule, RUN=RUN)
+        kernel = session.kernel(_COUNT, "count_bits", RULE=rule, RUN=RUN)
         marks = arrays.voxels if edge is None else edge
         session.run(kernel, parts, np.uint64(words), arrays.voxels, marks, counts)
         total = int(counts.get().sum(dtype=np.uint64))
@@ -48,7 +64,7 @@ def _count_inside(session: Session, arrays: VoxelArrays) -> int:
     sides = tuple(np.prod(cells.levels[1:], axis=0).tolist())
     nx, ny, nz = cells.shape
     counts = session.empty((nz, ny, 2), np.uint32)
-    kernel = session.kernel(_FILE, "count_cells", RULE=Rule.CENTRE, RUN=RUN)
+    kernel = session.kernel(_COUNT, "count_cells", RULE=Rule.CENTRE, RUN=RUN)
     session.run(kernel, ny * nz, int4(cells.shape), inside, counts)
     last_x, width_y, width_z = (
         np.minimum(side, count - side * np.arange(number))
@@ -64,7 +80,7 @@ def _count_inside(session: Session, arrays: VoxelArrays) -> int:
         return total
     counts = session.empty(middle_inside.size, np.uint32)
     kernel = session.kernel(
-        _FILE, "count_middle", RULE=Rule.CENTRE, RUN=RUN, **_sides(cells, finer)
+        _COUNT, "count_middle", RULE=Rule.CENTRE, RUN=RUN, **_sides(cells, finer)
     )
     owners = list_bricks(session, cells)
     words = np.uint64(middle_inside.size)
@@ -78,3 +94,48 @@ def _sides(cells: Cells, finer: Cells) -> dict[str, int]:
     """Sides of a brick of cells, and of each cell, as the kernel is built with."""
     names = "ABOVE_X", "ABOVE_Y", "ABOVE_Z", "CELL_X", "CELL_Y", "CELL_Z"
     return dict(zip(names, (*cells.brick, *finer.brick), strict=True))
+
+
+def sum_moments(session: Session, arrays: VoxelArrays) -> tuple[int, ...]:
+    """Return sums over the voxels inside, exactly.
+
+    In this order: their number; of i, j, k; of ii, jj, kk; of ij, jk, ik.
+    """
+    _, columns_y, columns_z = arrays.columns
+    rows = columns_y * columns_z
+    kernel = session.kernel(_MOMENTS, "sum_moments", **_defines(arrays), SUMS=SUMS)
+    total = [0] * SUMS
+    for first in range(0, rows, ROWS):
+        count = min(ROWS, rows - first)
+        sums = session.empty((count, SUMS), np.uint64)
+        span = int4(arrays.shape), int4(arrays.columns), np.uint64(first), np.uint64(count)
+        session.run(kernel, count, *span, *arrays.arguments(), sums)
+        found = sums.get()
+        high = (found >> np.uint64(32)).sum(axis=0, dtype=np.uint64).tolist()
+        low = (found & np.uint64(0xFFFFFFFF)).sum(axis=0, dtype=np.uint64).tolist()
+        total = [t + (h << 32) + n for t, h, n in zip(total, high, low, strict=True)]
+    return tuple(total)
+
+
+def count_blocks(session: Session, arrays: VoxelArrays, side: Shape) -> NDArray[np.int64]:
+    """Return how many voxels are inside, in each block of *side* (x, y, z) voxels; [z, y, x].
+
+    The last blocks along an axis may reach beyond the grid; no side is longer than it.
+    """
+    x, y, z = cell_shape(arrays.shape, side)
+    _, parts_y, parts_z = cell_shape(side, (1, PART, PART))
+    kernel = session.kernel(_BLOCKS, "count_blocks", **_defines(arrays), PART=PART)
+    result = np.empty((z, y, x), np.int64)
+    thick = max(1, COUNTS // (x * y * parts_y * parts_z))
+    for first in range(0, z, thick):
+        layers = min(thick, z - first)
+        counts = session.empty((layers, parts_z, y, parts_y, x), np.uint32)
+        shapes = int4(arrays.shape), int4(side), int4((x, y, layers))
+        span = np.int32(first), int2(parts_y, parts_z)
+        session.run(kernel, counts.size, *shapes, *span, *arrays.arguments(), counts)
+        counts.get().sum(axis=(1, 3), dtype=np.int64, out=result[first : first + layers])
+    return result
+
+
+def _defines(arrays: VoxelArrays) -> dict[str, int]:
+    return {"RULE": int(Rule.CENTRE), **arrays.defines}

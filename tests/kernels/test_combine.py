@@ -1,30 +1,27 @@
-"""Combinations of models are those of their voxels, and rebricked models those of the twin."""
+"""Combinations of models, and models in other bricks, against NumPy."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pyopencl.array as cla
 import pytest
-from numpy.typing import NDArray
 
+from clvox.device import Session
 from clvox.grid import Shape
 from clvox.ops.combine import Operation, combine, complement, full, rebrick
-from clvox.ops.layout import VoxelArrays, cell_shape
-from clvox.ops.multilevel import list_bricks, list_bricks_below
-from clvox.ops.query import expand, expand_cells
-from clvox.reference import multilevel as twin
-from tests.kernels.models import MODELS, sample
+from tests.kernels.solids import (
+    SIZES,
+    Sides,
+    Voxels,
+    levels_of,
+    pack,
+    solid,
+    uniform_bricks,
+    unpack,
+)
 
-if TYPE_CHECKING:
-    from clvox.device import Session
-
-every_model = pytest.mark.parametrize(("shape", "brick"), MODELS)
-
-MEANINGS: dict[Operation, Callable[[NDArray[Any], NDArray[Any]], NDArray[Any]]] = {
+TWINS: dict[Operation, Callable[[Voxels, Voxels], Voxels]] = {
     Operation.UNION: np.logical_or,
     Operation.INTERSECTION: np.logical_and,
     Operation.DIFFERENCE: lambda a, b: a & ~b,
@@ -32,117 +29,118 @@ MEANINGS: dict[Operation, Callable[[NDArray[Any], NDArray[Any]], NDArray[Any]]] 
 }
 
 
-def check(session: Session, arrays: VoxelArrays, expected: NDArray[np.bool_]) -> None:
-    """Compare the voxels; no cell is both, and no bit of the padding is set."""
-    found = expand(session, arrays, (0, 0, 0), arrays.shape).view(np.bool_)
-    np.testing.assert_array_equal(found, expected, strict=True)
-    stored = bits_in(arrays.voxels)
-    if arrays.cells is None or arrays.inside is None:
-        assert stored == np.count_nonzero(expected)
-        return
-    assert not (arrays.cells.boundary.get() & arrays.inside.get()).any()
-    assert arrays.cells.count == bits_in(arrays.cells.boundary)
-    states = expand_cells(session, arrays, (0, 0, 0), arrays.cells.shape)
-    assert np.count_nonzero(states == 1) == bits_in(arrays.inside)
-    if arrays.cells.finer is not None and arrays.middle_inside is not None:
-        finer = arrays.cells.finer
-        assert not (finer.boundary.get() & arrays.middle_inside.get()).any()
-        assert finer.count == bits_in(finer.boundary)
-        states = expand_cells(session, arrays, (0, 0, 0), finer.shape, 1)
-        assert np.count_nonzero(states == 2) == finer.count
-        owners = list_bricks(session, arrays.cells)
-        x, y, z = list_bricks_below(session, finer, owners, arrays.cells.brick).get().T
-        assert (states[z, y, x] == 2).all()
-    # As many bits in bricks as voxels below such cells: so none beyond the grid.
-    nx, ny, nz = arrays.shape
-    bx, by, bz = arrays.cells.last.brick
-    below = states.repeat(bz, 0).repeat(by, 1).repeat(bx, 2)[:nz, :ny, :nx] == 2
-    assert stored == np.count_nonzero(expected & below)
+@pytest.mark.parametrize("operation", Operation)
+@pytest.mark.parametrize("shape, sides", SIZES)
+def test_combination(session: Session, shape: Shape, sides: Sides, operation: Operation) -> None:
+    """Cells of all nine pairs of states occur; the padding stays zero."""
+    a, b = solid(1, shape, sides), solid(2, shape, sides)
+    found = combine(session, pack(session, a, sides), pack(session, b, sides), operation)
+    assert found.levels == levels_of(shape, sides)
+    assert (unpack(found) == TWINS[operation](a, b)).all()
 
 
-def bits_in(words: cla.Array) -> int:
-    """How many bits are set."""
-    return int(np.unpackbits(words.get().view(np.uint8)).sum())
+@pytest.mark.parametrize("operation", Operation)
+def test_only_what_may_be_mixed_has_a_brick(session: Session, operation: Operation) -> None:
+    """A cell that one operand decides alone has none: mixed or outside is mixed or inside."""
+    states = np.indices((3, 3)).reshape(2, 9)
+    a, b = (np.stack([row > 0, row == 1], axis=-1).reshape(1, 1, 18) for row in states)
+    sides: Sides = ((2, 1, 1),)
+    one, other = (pack(session, voxels, sides) for voxels in (a, b))
+    found = combine(session, one, other, operation)
+    assert found.cells is not None
+    possible = [
+        {TWINS[operation](np.array(p), np.array(q)).item() for p in _values(s) for q in _values(t)}
+        for s, t in states.T.tolist()
+    ]
+    mixed = sum((len(values) == 2) << cell for cell, values in enumerate(possible))
+    assert found.cells.boundary.get().tolist() == [[[mixed]]]
+    assert (unpack(found) == TWINS[operation](a, b)).all()
 
 
-@pytest.mark.parametrize("op", Operation)
-@every_model
-def test_combinations_are_those_of_the_voxels(
-    session: Session, shape: Shape, brick: Shape | None, op: Operation
-) -> None:
-    a, b = (sample(session, seed, shape, brick) for seed in (91, 92))
-    for one, other in ((a, b), (b, a), (a, a)):
-        expected = MEANINGS[op](one.voxels, other.voxels)
-        check(session, combine(session, one.arrays, other.arrays, op), expected)
+def _values(state: int) -> list[bool]:
+    """What the voxels of a cell may be: all out, all in, or mixed."""
+    return [[False], [True], [False, True]][state]
 
 
-LEVELS: list[tuple[Shape, ...]] = [
+BRICKS: list[Sides] = [
     (),
-    ((8, 8, 8),),
-    ((3, 5, 2),),
     ((1, 1, 1),),
-    ((33, 7, 2),),
-    ((2, 3, 2), (4, 2, 3)),
-    ((5, 1, 2), (8, 8, 8)),
+    ((8, 8, 8),),
+    ((5, 3, 4),),
+    ((64, 1, 2),),
+    ((2, 2, 2), (4, 4, 4)),
+    ((3, 1, 2), (2, 5, 3)),
 ]
-"""Bricks, level by level; none for a dense grid."""
-
-every_new = pytest.mark.parametrize("new", LEVELS, ids=str)
 
 
-def levels_for(shape: Shape, bricks: tuple[Shape, ...]) -> tuple[Shape, ...]:
-    """The coarse grid and those bricks, or the dense grid."""
-    x, y, z = (math.prod(brick[axis] for brick in bricks) for axis in range(3))
-    return (cell_shape(shape, (x, y, z)), *bricks)
-
-
-@pytest.mark.parametrize("op", Operation)
-@every_new
-def test_the_other_may_have_other_levels(
-    session: Session, new: tuple[Shape, ...], op: Operation
+@pytest.mark.parametrize("operation", Operation)
+@pytest.mark.parametrize("other", BRICKS)
+@pytest.mark.parametrize("sides", BRICKS[1:])
+def test_combination_of_different_levels(
+    session: Session, sides: Sides, other: Sides, operation: Operation
 ) -> None:
-    """And so all kinds of models meet, with three levels among them."""
-    shape = (17, 9, 10)
-    a, b = sample(session, 93, shape, (4, 4, 4)), sample(session, 94, shape, (8, 8, 8))
-    one = rebrick(session, a.arrays, levels_for(shape, new))
-    for other, voxels in ((b.arrays, b.voxels), (one, a.voxels)):
-        found = combine(session, one, other, op)
-        assert found.levels == one.levels
-        check(session, found, MEANINGS[op](a.voxels, voxels))
+    """The result has levels like the first operand's; it is dense if the second one is."""
+    shape = 35, 9, 10
+    a, b = solid(3, shape, sides), solid(4, shape, other)
+    found = combine(session, pack(session, a, sides), pack(session, b, other), operation)
+    assert found.levels == levels_of(shape, sides if other else ())
+    assert (unpack(found) == TWINS[operation](a, b)).all()
 
 
-@every_new
-def test_complements_end_where_the_grid_ends(session: Session, new: tuple[Shape, ...]) -> None:
-    for shape, brick in MODELS:
-        a = sample(session, 95, shape, brick)
-        levels = levels_for(shape, new)
-        check(session, complement(session, rebrick(session, a.arrays, levels)), ~a.voxels)
-        check(session, full(session, shape, levels), np.ones_like(a.voxels))
+@pytest.mark.parametrize("operation", Operation)
+def test_combination_of_a_dense_model(session: Session, operation: Operation) -> None:
+    """The result is dense."""
+    shape = 35, 9, 10
+    a, b = solid(3, shape, ()), solid(4, shape, ((8, 8, 8),))
+    found = combine(session, pack(session, a, ()), pack(session, b, ((8, 8, 8),)), operation)
+    assert found.levels == (shape,)
+    assert (unpack(found) == TWINS[operation](a, b)).all()
 
 
-@every_new
-@every_model
-def test_pruned_models_equal_the_twin(
-    session: Session, shape: Shape, brick: Shape | None, new: tuple[Shape, ...]
-) -> None:
-    """Bricks whose voxels are alike, of which a model may have any number, are dropped."""
-    levels = levels_for(shape, new)
-    for source in (
-        sample(session, 96, shape, brick).arrays,
-        full(session, shape, levels_for(shape, () if brick is None else (brick,))),
-    ):
-        voxels = expand(session, source, (0, 0, 0), shape).view(np.bool_)
-        found = rebrick(session, source, levels, prune=True)
-        check(session, found, voxels)
-        check(session, rebrick(session, source, levels), voxels)
-        if found.cells is None or found.inside is None:
-            continue
-        sides = tuple(math.prod(brick[axis] for brick in new) for axis in range(3))
-        expected = twin.from_voxels(voxels, (sides[0], sides[1], sides[2]))
-        boundary = twin.pack_bits(expected.boundary)
-        np.testing.assert_array_equal(found.cells.boundary.get(), boundary, strict=True)
-        inside = twin.pack_bits(expected.inside)
-        np.testing.assert_array_equal(found.inside.get(), inside, strict=True)
-        if found.cells.finer is None:
-            words = twin.pack_bricks(expected.bricks)
-            np.testing.assert_array_equal(found.voxels.get(), words, strict=True)
+@pytest.mark.parametrize("shape, sides", SIZES)
+def test_complement(session: Session, shape: Shape, sides: Sides) -> None:
+    """Of the grid's box: what pads words and bricks is not in it."""
+    a = solid(5, shape, sides)
+    assert (unpack(complement(session, pack(session, a, sides))) == ~a).all()
+
+
+@pytest.mark.parametrize("shape, sides", SIZES)
+def test_full_and_empty(session: Session, shape: Shape, sides: Sides) -> None:
+    """Neither has a brick, and combinations of the two have none."""
+    solid_box = full(session, shape, levels_of(shape, sides))
+    assert unpack(solid_box).all()
+    nothing = complement(session, solid_box)
+    assert not unpack(nothing).any()
+    for operation in Operation:
+        found = combine(session, solid_box, nothing, operation)
+        assert (unpack(found) == TWINS[operation](np.array(True), np.array(False))).all()
+        assert not sides or len(found.voxels) == 0
+
+
+@pytest.mark.parametrize("prune", [False, True])
+@pytest.mark.parametrize("sides", BRICKS)
+@pytest.mark.parametrize("shape, source", SIZES)
+def test_rebrick(session: Session, shape: Shape, source: Sides, sides: Sides, prune: bool) -> None:
+    """The same voxels; pruned, a brick only where they differ."""
+    voxels = solid(6, shape, source)
+    levels = levels_of(shape, sides)
+    found = rebrick(session, pack(session, voxels, source), levels, prune=prune)
+    assert found.levels == levels
+    assert (unpack(found) == voxels).all()
+    if sides and prune:
+        assert uniform_bricks(found) == 0
+
+
+@pytest.mark.parametrize("sides", [((4, 4, 4),), ((2, 3, 2), (2, 2, 3))])
+def test_rebrick_prunes_what_combining_leaves(session: Session, sides: Sides) -> None:
+    """Bricks that are all alike, which are kept if not asked for."""
+    a = solid(7, (21, 18, 13), sides)
+    one = pack(session, a, sides)
+    for operation, voxels in ((Operation.XOR, a & False), (Operation.UNION, a)):
+        left = combine(session, one, one, operation)
+        pruned = rebrick(session, left, left.levels, prune=True)
+        assert (unpack(pruned) == voxels).all()
+        assert uniform_bricks(pruned) == 0
+    left = combine(session, one, one, Operation.XOR)
+    assert uniform_bricks(left) > 0
+    assert len(rebrick(session, left, left.levels).voxels) == len(left.voxels)
