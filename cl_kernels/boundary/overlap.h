@@ -58,7 +58,8 @@ static inline int3 restore(const int3 p, const int axis)
 
 static inline int floor_div(const int a, const int b)
 {
-    return a / b - (a % b < 0);
+    const int quotient = a / b;
+    return quotient - (a - quotient * b < 0);
 }
 
 /* First and last cell that the closed interval [low, high] touches. */

@@ -27,7 +27,8 @@ static inline bool is_small(const int4 box)
 static inline int4 tile_box(const int4 box, const uint tile)
 {
     const int tiles_v = tiles_of(box).y;
-    const int2 first = box.xy + (int2)(tile / tiles_v, tile % tiles_v) * TILE;
+    const int row = (int)tile / tiles_v;
+    const int2 first = box.xy + (int2)(row, (int)tile - row * tiles_v) * TILE;
     return (int4)(first, min(first + TILE - 1, box.zw));
 }
 

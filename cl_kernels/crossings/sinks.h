@@ -152,7 +152,7 @@ static inline void cross(Sink *sink, const int u, const int v, const int slot)
 {
     const int x = v / BRICK_X;
     const int z = u / BRICK_Z;
-    const int ray = (u % BRICK_Z) * BRICK_X + v % BRICK_X;
+    const int ray = place_in(u, BRICK_Z) * BRICK_X + place_in(v, BRICK_X);
     const int y = max(slot, 0) / BRICK_Y;
     if (slot > 0 && y < sink->columns.y) {
         if (sink->cell.x != x || sink->cell.y != y || sink->cell.z != z) {
@@ -160,7 +160,8 @@ static inline void cross(Sink *sink, const int u, const int v, const int slot)
             sink->brick = find_brick(sink->tree, x, y, z);
         }
         if (sink->brick != NO_BRICK) {
-            const int voxel = ((u % BRICK_Z) * BRICK_Y + slot % BRICK_Y) * BRICK_X + v % BRICK_X;
+            const int voxel = (place_in(u, BRICK_Z) * BRICK_Y + place_in(slot, BRICK_Y)) * BRICK_X
+                            + place_in(v, BRICK_X);
             __global uint *brick = sink->bricks + (ulong)sink->brick * BRICK_WORDS;
             flip(sink, brick + voxel / 32, 1u << (voxel % 32));
             return;

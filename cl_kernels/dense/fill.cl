@@ -22,8 +22,8 @@ __kernel void fill(
     const int spans = (shape.x + SPAN - 1) / SPAN;
     const ulong id = get_global_id(0);
     if (id >= (ulong)spans * shape.z) return;
-    const int first = (int)(id % spans) * SPAN;
     const ulong z = id / spans;
+    const int first = (int)(id - z * spans) * SPAN;
     const int width = min(shape.x - first, SPAN);
     __global uint *row = voxels + z * shape.y * shape.x + first;
     uint count = 0;

@@ -14,6 +14,7 @@
  *             SINK  1: DENSE, 2: BRICKS (crossings/sinks.h)
  *             LEVELS, BRICK_*, MIDDLE_*  of the model, for the sink BRICKS (common/bricks.h)
  */
+#include "common/index.h"
 #include "crossings/sinks.h"
 
 #define NONZERO 0
@@ -43,8 +44,9 @@ __kernel void flip_rule(
     const ulong ray = get_global_id(0);
     const int width = window.w - window.y + 1;
     if (ray >= (ulong)(window.z - window.x + 1) * width) return;
-    const int u = window.x + (int)(ray / width);
-    const int v = window.y + (int)(ray % width);
+    ulong number = ray;
+    const int v = window.y + take_place(&number, width);
+    const int u = window.x + (int)number;
     const ulong stop = offsets[ray + 1];
     Sink sink = MAKE_SINK(window);
     int winding = 0;

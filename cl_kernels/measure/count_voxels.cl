@@ -10,6 +10,7 @@
  *                   of cells, and voxels along the sides of such a cell, for count_middle
  */
 #define LEVELS 1
+#include "common/index.h"
 #include "common/model.h"
 
 /* One work-item counts the bits of RUN words, by the rule.
@@ -64,16 +65,19 @@ __kernel void count_middle(
     const int brick_words = (ABOVE_X * ABOVE_Y * ABOVE_Z + 31) / 32;
     const int3 above = (int3)(ABOVE_X, ABOVE_Y, ABOVE_Z);
     const int3 sides = (int3)(CELL_X, CELL_Y, CELL_Z);
-    const int3 corner = vload3(id / brick_words, owners) * above;
+    ulong brick = id;
+    const int first = take_place(&brick, brick_words) * 32;
+    const int3 corner = vload3(brick, owners) * above;
     if (all((corner + above) * sides <= voxels.xyz)) {
         counts[id] = popcount(inside[id]) * (CELL_X * CELL_Y * CELL_Z);
         return;
     }
     uint count = 0;
     for (uint left = inside[id]; left; left &= left - 1) {
-        const int at = (int)(id % brick_words) * 32 + popcount((left & -left) - 1);
-        const int3 cell = (int3)(at % ABOVE_X, at / ABOVE_X % ABOVE_Y, at / ABOVE_X / ABOVE_Y);
-        const int3 size = min(voxels.xyz - (corner + cell) * sides, sides);
+        ulong at = first + popcount((left & -left) - 1);
+        const int i = take_place(&at, ABOVE_X), j = take_place(&at, ABOVE_Y);
+        const int3 cell = corner + (int3)(i, j, (int)at);
+        const int3 size = min(voxels.xyz - cell * sides, sides);
         count += size.x * size.y * size.z;
     }
     counts[id] = count;

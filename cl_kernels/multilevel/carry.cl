@@ -32,8 +32,9 @@ __kernel void carry(
     const int row_words = (int)words_in_row(cells.x);
     const ulong id = get_global_id(0);
     if (id >= (ulong)row_words * cells.z) return;
-    const int word_x = (int)(id % row_words);
-    const int z = (int)(id / row_words);
+    ulong number = id;
+    const int word_x = take_place(&number, row_words);
+    const int z = (int)number;
     const int lanes = min(cells.x - 32 * word_x, 32);
     __global uint *faces = states + ((ulong)z * cells.x + 32 * word_x) * FACE_WORDS;
     uint disagreements = 0;
@@ -97,9 +98,10 @@ __kernel void carry(
 {
     const ulong id = get_global_id(0);
     if (id >= (ulong)columns.x * columns.z) return;
-    const int x = (int)(id % columns.x);
-    const int z = (int)(id / columns.x);
-    const bool first_column = x % MIDDLE_X == 0 && z % MIDDLE_Z == 0;
+    ulong number = id;
+    const int x = take_place(&number, columns.x);
+    const int z = (int)number;
+    const bool first_column = place_in(x, MIDDLE_X) == 0 && place_in(z, MIDDLE_Z) == 0;
     __global uint *face = states + id * FACE_WORDS;
     uint disagreements = 0;
     /* The state is in the face after a brick (`faced`), else in `uniform`. */

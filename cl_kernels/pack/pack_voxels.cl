@@ -23,9 +23,10 @@ __kernel void pack_cells(
     const uint row_words = words_in_row(cells.x);
     const ulong id = get_global_id(0);
     if (id >= (ulong)row_words * cells.y * layers) return;
-    const int first = (int)(id % row_words) * 32;
-    const int y = (int)(id / row_words % cells.y);
-    const int z = (int)(id / row_words / cells.y);
+    ulong number = id;
+    const int first = take_place(&number, row_words) * 32;
+    const int y = take_place(&number, cells.y);
+    const int z = (int)number;
     uint mixed = 0, solid = 0;
     for (int lane = 0; lane < min(cells.x - first, 32); ++lane) {
         const int3 low = (int3)(first + lane, y, z) * (int3)(BRICK_X, BRICK_Y, BRICK_Z);
@@ -57,9 +58,10 @@ __kernel void pack_bricks(
     const uint row_words = words_in_row(cells.x);
     const ulong id = get_global_id(0);
     if (id >= (ulong)row_words * cells.y * layers) return;
-    const int first = (int)(id % row_words) * 32;
-    const int y = (int)(id / row_words % cells.y);
-    const int z = (int)(id / row_words / cells.y);
+    ulong number = id;
+    const int first = take_place(&number, row_words) * 32;
+    const int y = take_place(&number, cells.y);
+    const int z = (int)number;
     const ulong word = cell_word(cells, first, y, z + layer);
     const uint touched = boundary[word];
     if (!touched) return;
@@ -69,8 +71,9 @@ __kernel void pack_bricks(
         const int3 low = (int3)(first + lane, y, z) * (int3)(BRICK_X, BRICK_Y, BRICK_Z);
         uint bits = 0;
         for (int voxel = 0; voxel < BRICK_X * BRICK_Y * BRICK_Z; ++voxel) {
-            const int3 at = low + (int3)(voxel % BRICK_X, voxel / BRICK_X % BRICK_Y,
-                                         voxel / BRICK_X / BRICK_Y);
+            ulong place = voxel;
+            const int i = take_place(&place, BRICK_X), j = take_place(&place, BRICK_Y);
+            const int3 at = low + (int3)(i, j, (int)place);
             if (at.x < voxels.x && at.y < voxels.y && at.z + layer * BRICK_Z < voxels.z)
                 bits |= (uint)bytes[((ulong)at.z * voxels.y + at.y) * voxels.x + at.x]
                         << (voxel % 32);

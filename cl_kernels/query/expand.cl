@@ -7,6 +7,7 @@
  * Defines:    LEVELS, RULE, BRICK_X, BRICK_Y, BRICK_Z  (common/model.h)
  *             RUN  voxels along x that one work-item expands
  */
+#include "common/index.h"
 #include "common/model.h"
 
 /* `count` bytes, one for each of the lowest bits of `solid`, by the rule. */
@@ -60,14 +61,15 @@ static inline int spread_some(
     const ulong at = (((ulong)z * cells.y + y) * ((cells.x + 31) / 32)) * 32 + x;
     spread(bits_at(bricks, at, count), EDGE_BITS_AT(at, count), count, out);
 #else
-    const int within = x % BRICK_X;
+    const int within = place_in(x, BRICK_X);
     const ulong state = cell_state(MODEL_ARGUMENTS, x / BRICK_X, y / BRICK_Y, z / BRICK_Z);
     const int left = min(most, BRICK_X - within);
     const int count = BRICK_X == 8 ? left : min(left, 8);
     if (state >= CELL_OUTSIDE) {
         spread(state == CELL_INSIDE ? 0xff : 0, 0, count, out);
     } else {
-        const int row = ((z % BRICK_Z) * BRICK_Y + y % BRICK_Y) * BRICK_X + within;
+        const int row
+            = (place_in(z, BRICK_Z) * BRICK_Y + place_in(y, BRICK_Y)) * BRICK_X + within;
         const ulong at = state * (32 * BRICK_WORDS) + row;
         spread(bits_at(bricks, at, count), EDGE_BITS_AT(at, count), count, out);
     }
@@ -84,11 +86,13 @@ __kernel void expand(
     const uint runs = (size.x + RUN - 1) / RUN;
     const ulong id = get_global_id(0);
     if (id >= (ulong)runs * size.y * size.z) return;
-    const int y = (int)(id / runs % size.y);
-    const int z = (int)(id / runs / size.y);
+    ulong number = id;
+    const int run = take_place(&number, runs);
+    const int y = take_place(&number, size.y);
+    const int z = (int)number;
     __global uchar *row = out + ((ulong)z * size.y + y) * size.x;
-    const int stop = min((int)(id % runs + 1) * RUN, size.x);
-    for (int x = (int)(id % runs) * RUN; x < stop;)
+    const int stop = min((run + 1) * RUN, size.x);
+    for (int x = run * RUN; x < stop;)
         x += spread_some(
             MODEL_ARGUMENTS, first.x + x, first.y + y, first.z + z, stop - x, row + x);
 }
@@ -105,9 +109,10 @@ __kernel void expand_cells(
 {
     const ulong id = get_global_id(0);
     if (id >= (ulong)size.x * size.y * size.z) return;
-    const int x = first.x + (int)(id % size.x);
-    const int y = first.y + (int)(id / size.x % size.y);
-    const int z = first.z + (int)(id / size.x / size.y);
+    ulong number = id;
+    const int x = first.x + take_place(&number, size.x);
+    const int y = first.y + take_place(&number, size.y);
+    const int z = first.z + (int)number;
     const ulong state = middle_level ? cell_state(MODEL_ARGUMENTS, x, y, z)
                                      : coarse_state(MODEL_ARGUMENTS, x, y, z);
     out[id] = state < CELL_OUTSIDE ? 2 : state == CELL_INSIDE;
