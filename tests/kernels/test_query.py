@@ -85,7 +85,7 @@ def test_empty_boxes_are_empty(session: Session, shape: Shape, brick: Shape | No
 @pytest.mark.parametrize("length", [1, RUN - 1, RUN, RUN + 1, 4 * RUN + 3])
 def test_rows_of_any_length(session: Session, length: int) -> None:
     """Work-items do RUN voxels each."""
-    found = sample(session, 65, (70, 8, 5), (33, 7, 2))
+    found = sample(session, 65, (2 + 4 * RUN + 3, 8, 5), (33, 7, 2))
     box = expand(session, found.arrays, (2, 1, 0), (2 + length, 8, 5))
     expected = found.by_rule(Rule.CENTRE)[:, 1:, 2 : 2 + length]
     np.testing.assert_array_equal(box, expected, strict=True)
