@@ -161,7 +161,7 @@ static inline int4 make_solid(
     s->wu[0] = make_side(a.zx, b.zx, s->nv, s->cell.zx);
     s->wu[1] = make_side(b.zx, c.zx, s->nv, s->cell.zx);
     s->wu[2] = make_side(c.zx, a.zx, s->nv, s->cell.zx);
-    return (int4)(s->first.xy, s->last.xy);
+    return (int4)(s->first.x, s->first.y, s->last.x, s->last.y);
 }
 
 /* Does the column of cells whose lowest corner is (u, v) meet the triangle's shadow? */

@@ -58,7 +58,7 @@ static inline int4 ray_box(const Facet f, const int4 window)
     /* Shifts of negative numbers floor, in OpenCL C by definition. */
     const int2 first = max((low + (STEP - 1)) >> STEP_BITS, window.xy);
     const int2 last = min(high >> STEP_BITS, window.zw);
-    return (int4)(first, last);
+    return (int4)(first.x, first.y, last.x, last.y);
 }
 
 static inline bool box_is_empty(const int4 box)

@@ -29,7 +29,8 @@ static inline int4 tile_box(const int4 box, const uint tile)
     const int tiles_v = tiles_of(box).y;
     const int row = (int)tile / tiles_v;
     const int2 first = box.xy + (int2)(row, (int)tile - row * tiles_v) * TILE;
-    return (int4)(first, min(first + TILE - 1, box.zw));
+    const int2 last = min(first + TILE - 1, box.zw);
+    return (int4)(first.x, first.y, last.x, last.y);
 }
 
 #endif

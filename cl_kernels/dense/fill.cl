@@ -33,10 +33,9 @@ __kernel void fill(
             state ^= vload16(0, row);
             vstore16(state, 0, row);
         }
-        const uint16 rest = popcount(state ^ vload16(0, beyond + z * shape.x + first));
-        const uint8 sum = rest.lo + rest.hi;
-        const uint4 half_sum = sum.lo + sum.hi;
-        count = half_sum.x + half_sum.y + half_sum.z + half_sum.w;
+        uint ends[SPAN];
+        vstore16(state ^ vload16(0, beyond + z * shape.x + first), 0, ends);
+        for (int w = 0; w < SPAN; ++w) count += popcount(ends[w]);
     } else {
         uint state[SPAN];
         for (int w = 0; w < width; ++w) state[w] = 0;

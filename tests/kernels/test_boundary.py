@@ -109,6 +109,23 @@ def test_large_triangles_on_a_grid_cut_out_of_them(
             np.testing.assert_array_equal(found, expected, strict=True)
 
 
+@pytest.mark.parametrize("bits", [7, 10, 14])
+def test_planes_of_large_triangles_through_the_grid(session: Session, bits: int) -> None:
+    """Of all the lattice, and touching cells at a corner: depths in float32 are steps wrong."""
+    shape = (6, 5, 7)
+    rng = np.random.default_rng(40)
+    for _ in range(some(400)):
+        middle = rng.integers(0, np.array(shape) << bits)
+        far = 2**23 - (8 << bits)
+        a, b = rng.integers(-far, far, (2, 3))
+        s, t = rng.uniform(0, 1, 2)
+        c = np.clip(np.rint(-(s * a + t * b)).astype(np.int64), -far, far)
+        mesh = middle + np.stack([a, b, c]), np.array([[0, 1, 2]], dtype=np.int32)
+        expected = pack_bits(touched(*mesh, bits, shape, (1, 1, 1)))
+        found = marked(session, mesh, bits, shape, (1, 1, 1))
+        np.testing.assert_array_equal(found, expected, strict=True)
+
+
 @pytest.mark.parametrize("triangles", [0, 1, RUN - 1, RUN, RUN + 1, 64 * RUN, 64 * RUN + 1])
 def test_any_number_of_triangles(session: Session, triangles: int) -> None:
     """Work-items do RUN each and come in groups of 64."""
