@@ -129,6 +129,12 @@ def _voxels() -> argparse.ArgumentParser:
         help="cells of the coarse grid and voxels in each of them; a single triple, the grid's "
         "shape, asks for one level",
     )
+    voxels.add_argument(
+        "--fill",
+        choices=("parity", "nonzero", "positive", "surface"),
+        default="parity",
+        help="which voxels are inside, where bodies overlap above all; parity if not given",
+    )
     return voxels
 
 

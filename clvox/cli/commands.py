@@ -177,6 +177,7 @@ def model_of(file: str, options: argparse.Namespace, console: Console) -> clvox.
                 resolution=options.resolution,
                 pitch=getattr(options, "pitch", None),
                 levels=getattr(options, "levels", None),
+                fill=getattr(options, "fill", "parity"),
                 device=options.device,
                 progress=progress,
             )
