@@ -37,54 +37,45 @@ __kernel void flatten(const int4 voxels, MODEL_PARAMETERS, __global uint *restri
 
 #else
 
-/* Do all source cells below a box of voxels agree, without a brick?  Spares looking at voxels. */
-static inline bool agree(MODEL_PARAMETERS, const int3 low, const int3 high)
+#define DIFFER 2
+
+#if LEVELS == 1 || PRUNE
+
+/* State of a box of voxels, looked at one by one: that of all of them, or DIFFER. */
+static inline uint state_of_voxels(MODEL_PARAMETERS, const int3 low, const int3 high)
+{
+    const uint state = read_voxel(MODEL_ARGUMENTS, low.x, low.y, low.z);
+    for (int z = low.z; z <= high.z; ++z)
+        for (int y = low.y; y <= high.y; ++y)
+            for (int x = low.x; x <= high.x; ++x)
+                if (read_voxel(MODEL_ARGUMENTS, x, y, z) != state) return DIFFER;
+    return state;
+}
+
+#endif
+
+/* State of a box of voxels: that of all of them, or DIFFER.  Without PRUNE it is DIFFER too where
+ * the source has a brick, since a triangle may touch voxels that are all alike. */
+static inline uint state_of(MODEL_PARAMETERS, const int3 low, const int3 high)
 {
 #if LEVELS == 1
-    return false;
+    return state_of_voxels(MODEL_ARGUMENTS, low, high);
 #else
     const int3 brick = (int3)(BRICK_X, BRICK_Y, BRICK_Z);
     const int3 first = low / brick, last = high / brick;
-    const ulong state = cell_state(MODEL_ARGUMENTS, first.x, first.y, first.z);
-    if (state < CELL_OUTSIDE) return false;
+    uint seen = 0;  /* bit 0: cells outside, bit 1: inside, bit 2: with a brick */
     for (int z = first.z; z <= last.z; ++z)
         for (int y = first.y; y <= last.y; ++y)
-            for (int x = first.x; x <= last.x; ++x)
-                if (cell_state(MODEL_ARGUMENTS, x, y, z) != state) return false;
-    return true;
+            for (int x = first.x; x <= last.x; ++x) {
+                const ulong state = cell_state(MODEL_ARGUMENTS, x, y, z);
+                seen |= state < CELL_OUTSIDE ? 4 : state == CELL_INSIDE ? 2 : 1;
+            }
+    if (seen <= 2) return seen - 1;
+#if PRUNE
+    if (seen >= 4) return state_of_voxels(MODEL_ARGUMENTS, low, high);
 #endif
-}
-
-#if LEVELS > 1
-
-/* Does any source cell below a box of voxels have a brick? */
-static inline bool has_brick(MODEL_PARAMETERS, const int3 low, const int3 high)
-{
-    const int3 brick = (int3)(BRICK_X, BRICK_Y, BRICK_Z);
-    const int3 first = low / brick, last = high / brick;
-    for (int z = first.z; z <= last.z; ++z)
-        for (int y = first.y; y <= last.y; ++y)
-            for (int x = first.x; x <= last.x; ++x)
-                if (cell_state(MODEL_ARGUMENTS, x, y, z) < CELL_OUTSIDE) return true;
-    return false;
-}
-
+    return DIFFER;
 #endif
-
-/* State of a box of voxels: that of all of them, or 2 if they differ.  Without PRUNE it is 2 too
- * where the source has a brick, since a triangle may touch voxels that are all alike. */
-static inline uint state_of(MODEL_PARAMETERS, const int3 low, const int3 high)
-{
-    const uint state = read_voxel(MODEL_ARGUMENTS, low.x, low.y, low.z);
-    if (agree(MODEL_ARGUMENTS, low, high)) return state;
-#if LEVELS > 1 && !PRUNE
-    if (has_brick(MODEL_ARGUMENTS, low, high)) return 2;
-#endif
-    for (int k = low.z; k <= high.z; ++k)
-        for (int j = low.y; j <= high.y; ++j)
-            for (int i = low.x; i <= high.x; ++i)
-                if (read_voxel(MODEL_ARGUMENTS, i, j, k) != state) return 2;
-    return state;
 }
 
 /* One work-item tells apart the 32 cells of one word of the result's coarse grid.

@@ -218,10 +218,10 @@ def test_slots_along_every_axis_equal_the_twin(
         facets = facets_of(session, mesh)
         triangles = np.uint64(len(mesh[1]))
         slots = session.zeros((rays_u, rays_v, depth + 1), np.uint32)
-        listed = session.zeros(1, np.uint32)
+        listed, entries = session.zeros(1, np.uint32), session.empty(len(mesh[1]), np.uint32)
         session.run(
             *(kernel, int(triangles), np.uint64(0), triangles, Window.whole(shape, at).box),
-            *(facets.faces, facets.vertices, listed, listed, np.int32(depth), slots),
+            *(facets.faces, facets.vertices, listed, entries, np.int32(depth), slots),
         )
         if listed.get()[0]:
             assert edge == 32  # and some triangle is too large for that
