@@ -240,7 +240,7 @@ def test_three_levels_equal_the_twin(
     counts = cell_shape(shape, brick)
     nx, ny, nz = shape
     solid = box_mesh((-90, -90, -90), (nx + 90, ny + 90, nz + 90), bits)
-    for mesh in [solid, *meshes(47, 20, bits, shape)]:
+    for mesh in [solid, *meshes(47, some(20), bits, shape)]:
         arrays, found = build_three(session, mesh, bits, shape, middle, brick)
         coarse = twin.build(*mesh, bits, shape, (cell_shape(shape, sides), sides))
         fine = twin.build(*mesh, bits, shape, (counts, brick))
