@@ -98,7 +98,10 @@ def test_surface_takes_the_touched_voxels_of_any_mesh(levels: int) -> None:
     shell = voxelize(closed, "surface", levels=levels)
     touched = parity.to_array(rule="touch") & ~parity.to_array(rule="within")
     np.testing.assert_array_equal(shell.to_array(), touched)
-    assert shell.volume_bounds == (0.0, shell.volume)
+    low, high = shell.volume_bounds
+    assert low == 0.0
+    # A little more, for what snapping may have moved beyond the touched voxels.
+    assert shell.volume <= high <= 1.01 * shell.volume
 
     opened = trimesh.Trimesh(closed.vertices, closed.faces[closed.triangles_center[:, 2] < 0.3])
     model = voxelize(opened, "surface", levels=levels)
