@@ -32,7 +32,7 @@ _WINDINGS = {"nonzero": Winding.NONZERO, "positive": Winding.POSITIVE}
 
 
 def voxelize(
-    mesh: MeshLike,
+    mesh: MeshLike | Surface,
     *,
     resolution: int | None = None,
     pitch: ArrayLike | None = None,
@@ -136,7 +136,7 @@ def voxelize(
 
 
 def count_crossings(
-    mesh: MeshLike,
+    mesh: MeshLike | Surface,
     *,
     grid: Grid,
     axis: Axis = "y",
