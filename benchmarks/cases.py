@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from importlib.resources import files
 from pathlib import Path
-from typing import Any, TypeAlias, cast
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +24,7 @@ from benchmarks import peers
 from clvox.bench import Contestant, Result, compare, meshes
 from clvox.bench.streaming import compare_with_copy
 from clvox.device import Session
-from clvox.mesh import MeshLike, Surface, check
+from clvox.mesh import Surface, check
 from clvox.ops.scan import prefix_sum
 
 PART = "parts/nist_machined_part_pmi4_119k.stl.gz"
@@ -202,8 +202,7 @@ def _voxelize(
     plan: Plan, surface: Surface, grid: clvox.Grid, levels: Any = None
 ) -> clvox.VoxelModel:
     """Voxelize what is checked already: `voxelize` checks nothing twice."""
-    mesh = cast("MeshLike", surface)
-    return clvox.voxelize(mesh, grid=grid, levels=levels, device=plan.session.device)
+    return clvox.voxelize(surface, grid=grid, levels=levels, device=plan.session.device)
 
 
 def _stages(model: clvox.VoxelModel) -> Mapping[str, float]:
