@@ -2,8 +2,7 @@
  * boundary/mark_cells.cl: the bit of every cell that some triangle touches.
  *
  * Cells are those of a coarse grid, or the smaller ones in the bricks above which a tree stands:
- * voxels, or cells of the middle level.  Each triangle walks the columns of cells in its shadow along the dominant axis
- * of its normal, and its plane bounds the cells of each column: never all cells of its box.
+ * voxels, or cells of the middle level.
  *
  * Host:       clvox/ops/boundary.py
  * Reference:  clvox/reference/boundary.py
@@ -12,9 +11,7 @@
  *             CELL_X, CELL_Y, CELL_Z  sides of a cell, in voxels
  *             SINK       0: CELLS, one bit per cell, rows padded to words;
  *                        1: VOXELS, in the bricks of a model
- *             RUN        triangles in a row that one work-item does directly
- *             DIRECT     most columns of a triangle that is done directly
- *             TILE       side of a tile, in columns
+ *             RUN, DIRECT, TILE  (boundary/visit.h)
  *             LEVELS, BRICK_*, MIDDLE_*  of the model, for the sink VOXELS (common/bricks.h)
  * Source:     separating axes in projections after M. Schwarz, H.-P. Seidel, "Fast parallel
  *             surface and solid voxelization on GPUs", ACM TOG 29(6), 2010, in integers.
@@ -55,7 +52,7 @@ typedef struct {
 
 GATHER_MARKS
 
-static inline void mark(Sink *sink, const int3 cell)
+static inline void mark(Sink *sink, const int3 cell, const ulong triangle)
 {
     const ulong row = (ulong)cell.z * sink->rows + cell.y;
     set(sink, sink->marks + row * sink->row_words + cell.x / 32, 1u << (cell.x % 32));
@@ -78,7 +75,7 @@ typedef struct {
 
 GATHER_MARKS
 
-static inline void mark(Sink *sink, const int3 cell)
+static inline void mark(Sink *sink, const int3 cell, const ulong triangle)
 {
     const int3 sides = (int3)(BRICK_X, BRICK_Y, BRICK_Z);
     const int3 above = cell / sides;
@@ -94,101 +91,4 @@ static inline void mark(Sink *sink, const int3 cell)
 
 #endif
 
-/* All cells in a box of columns that the triangle touches. */
-static void mark_columns(Sink *sink, const Solid *s, const int4 box)
-{
-    for (int i = box.x; i <= box.z; ++i) {
-        const int u = i * s->cell.x - HALF_STEP;
-        for (int j = box.y; j <= box.w; ++j) {
-            const int v = j * s->cell.y - HALF_STEP;
-            if (!column_meets(s, u, v)) continue;
-            const int2 depths = depths_in_column(s, u, v);
-            for (int k = depths.x; k <= depths.y; ++k)
-                if (cell_meets(s, u, v, k * s->cell.z - HALF_STEP))
-                    mark(sink, restore((int3)(i, j, k), s->axis));
-        }
-    }
-}
-
-/* All cells that one triangle touches; or false if its columns are too many. */
-static bool mark_triangle(
-    Sink *sink, const int3 grid, const __global int *faces, const __global int *vertices,
-    const ulong triangle)
-{
-    const int3 a = corner_of(vertices, faces[3 * triangle]);
-    const int3 b = corner_of(vertices, faces[3 * triangle + 1]);
-    const int3 c = corner_of(vertices, faces[3 * triangle + 2]);
-    const int3 low = min(min(a, b), c);
-    const int3 high = max(max(a, b), c);
-    const int3 side = CELL_SIDES;
-    const int3 first_cell = (int3)(first_touched(low.x, side.x), first_touched(low.y, side.y),
-                                   first_touched(low.z, side.z));
-    const int3 last_cell = (int3)(last_touched(high.x, side.x), last_touched(high.y, side.y),
-                                  last_touched(high.z, side.z));
-    const int3 from = max(first_cell, (int3)(0));
-    const int3 to = min(last_cell, grid - 1);
-    if (to.x < from.x || to.y < from.y || to.z < from.z) return true;
-    const int3 more = last_cell - first_cell;
-    if ((more.x > 0) + (more.y > 0) + (more.z > 0) <= 1) {
-        /* One row of cells holds the whole triangle and is touched at both ends: all of it is. */
-        for (int z = from.z; z <= to.z; ++z)
-            for (int y = from.y; y <= to.y; ++y)
-                for (int x = from.x; x <= to.x; ++x) mark(sink, (int3)(x, y, z));
-        return true;
-    }
-    Solid s;
-    const int4 box = make_solid(&s, faces, vertices, triangle, grid);
-    if (!is_small(box)) return false;
-    mark_columns(sink, &s, box);
-    return true;
-}
-
-/* One work-item does RUN triangles in a row, from `first` on: those of few columns; the others it
- * puts on the list.
- * grid: shape of the grid of cells (x, y, z).
- * faces: (m, 3) int32, vertices: (n, 3) int32, on the lattice.
- * listed: (1,) uint32, length of the list, zero before the first launch.
- * list: (m,) uint32, triangle numbers in no particular order. */
-__kernel void mark_direct(
-    const ulong first, const ulong last, const int4 grid,
-    const __global int *restrict faces, const __global int *restrict vertices,
-    __global uint *listed, __global uint *list, SINK_PARAMETERS)
-{
-    const ulong start = first + get_global_id(0) * RUN;
-    Sink sink = MAKE_SINK(grid);
-    for (ulong triangle = start; triangle < min(start + RUN, last); ++triangle)
-        if (!mark_triangle(&sink, grid.xyz, faces, vertices, triangle))
-            list[atomic_inc(listed)] = (uint)triangle;
-    finish(&sink);
-}
-
-/* One work-item counts the tiles of one listed triangle.
- * tiles: (entries,) uint32. */
-__kernel void count_tiles(
-    const uint entries, const int4 grid,
-    const __global int *restrict faces, const __global int *restrict vertices,
-    const __global uint *restrict list, __global uint *restrict tiles)
-{
-    const uint id = get_global_id(0);
-    if (id >= entries) return;
-    Solid s;
-    const int2 sides = tiles_of(make_solid(&s, faces, vertices, list[id], grid.xyz));
-    tiles[id] = (uint)sides.x * (uint)sides.y;
-}
-
-/* One work-item does one tile of columns of one listed triangle.
- * offsets: (entries,) uint64, exclusive prefix sum of the tiles. */
-__kernel void mark_tiles(
-    const ulong first, const ulong last, const uint entries, const int4 grid,
-    const __global int *restrict faces, const __global int *restrict vertices,
-    const __global uint *restrict list, const __global ulong *restrict offsets, SINK_PARAMETERS)
-{
-    const ulong pair = first + get_global_id(0);
-    if (pair >= last) return;
-    const uint item = entry_of(offsets, entries, pair);
-    Solid s;
-    const int4 box = make_solid(&s, faces, vertices, list[item], grid.xyz);
-    Sink sink = MAKE_SINK(grid);
-    mark_columns(&sink, &s, tile_box(box, (uint)(pair - offsets[item])));
-    finish(&sink);
-}
+#include "boundary/visit.h"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal, TypeAlias, get_args
@@ -16,6 +16,7 @@ from clvox.device import DeviceLike, Session, open_session
 from clvox.errors import GridError
 from clvox.grid import Axis, Grid, Lattice, Shape
 from clvox.mesh import MeshLike, Surface, check
+from clvox.models.attributes import Attribute, check_names
 from clvox.models.levels import Levels, fill_box, resolve_levels
 from clvox.models.voxels import Report, VoxelModel
 from clvox.ops import boundary, crossings, dense
@@ -39,6 +40,7 @@ def voxelize(
     grid: Grid | None = None,
     levels: Levels | None = None,
     fill: Fill = "parity",
+    attributes: Sequence[Attribute] = (),
     lattice_bits: int | None = None,
     device: DeviceLike = None,
     progress: bool | Progress | None = None,
@@ -72,6 +74,12 @@ def voxelize(
         "positive": what more bodies enclose whose triangles face outwards than inwards.
         "surface": no inside, but every voxel that a triangle touches, of any mesh, open or not.
         "nonzero" and "positive" need an oriented mesh, each edge used equally often both ways.
+    attributes : sequence of "edge", "normals", "area_normals" and "links"
+        What the model keeps of its mesh.  "edge": which voxels it touches; otherwise this is found
+        out when it is first asked for.  "normals": for each of them the mean normal of the
+        triangles that touch it, for `VoxelModel.normals_at` and `render`; in "area_normals" large
+        triangles weigh more.  "links": the triangles that touch each cell, for
+        `VoxelModel.faces_at`.
     lattice_bits : int, optional
         Steps of the lattice in a voxel, as a power of two from 7 to 14; by default as many as
         fit.  Models that are to be combined share it.
@@ -114,6 +122,7 @@ def voxelize(
     """
     if fill not in get_args(Fill):
         raise GridError(f"fill must be one of {', '.join(map(repr, get_args(Fill)))}, got {fill!r}")
+    names = check_names(attributes)
     surface = check(mesh)
     if fill in _WINDINGS:
         surface.require_oriented()
@@ -132,7 +141,7 @@ def voxelize(
     lattice = Lattice.fit(grid, surface.bounds, bits=lattice_bits)
     session = open_session(device)
     with _told(2 * len(surface.faces), progress=progress) as tell:
-        return _build(session, surface, lattice, shapes, fill, tell)
+        return _build(session, surface, lattice, shapes, fill, names, tell)
 
 
 def count_crossings(
@@ -215,6 +224,7 @@ def _build(
     lattice: Lattice,
     levels: tuple[Shape, ...],
     fill: Fill,
+    names: tuple[Attribute, ...],
     tell: Progress | None,
 ) -> VoxelModel:
     session.reset_peak()
@@ -253,7 +263,12 @@ def _build(
         peak_nbytes=session.peak_nbytes,
         warnings=tuple(warnings),
     )
-    return VoxelModel(session, lattice.grid, arrays, report, ((surface, lattice),))
+    model = VoxelModel(session, lattice.grid, arrays, report, ((surface, lattice),))
+    if names:
+        with stages.stage("attributes"):
+            model = model._keeping(names)  # noqa: SLF001 - the models' own module
+        model = replace(model, report=replace(report, peak_nbytes=session.peak_nbytes))
+    return model
 
 
 def _build_bricks(

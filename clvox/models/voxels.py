@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
@@ -18,6 +18,7 @@ from clvox.errors import GridError, MeshError
 from clvox.grid import Grid, Lattice, Shape
 from clvox.mesh import Surface
 from clvox.models import archive
+from clvox.models.attributes import Attribute, Attributes, build_attributes
 from clvox.models.levels import Levels, resolve_levels
 from clvox.models.moments import center_of_mass, inertia
 from clvox.models.snapping import swept_volume
@@ -51,7 +52,7 @@ class Report:
     fill : str
         The rule that says what is inside, see `voxelize`; "" for a model made of others.
     seconds : dict
-        Seconds per stage: snap, upload, mark, rank, clear, flip, carry.
+        Seconds per stage: snap, upload, mark, rank, clear, flip, carry, attributes.
     triangles : int
         Triangles cast; `repeated` were dropped since a vertex number repeats, of `duplicates`
         one each was kept, and `cancelled` lay back to back.
@@ -103,6 +104,7 @@ class VoxelModel:
     _arrays: VoxelArrays
     report: Report
     _surfaces: tuple[tuple[Surface, Lattice], ...] = ()
+    _attributes: Attributes | None = None
 
     @classmethod
     def from_array(
@@ -156,8 +158,15 @@ class VoxelModel:
     @property
     def nbytes(self) -> int:
         """Bytes of device memory that the model holds."""
+        if self._attributes is not None:
+            return self._arrays.nbytes + self._attributes.nbytes
         edge = self.__dict__.get("_edge")
         return self._arrays.nbytes + (edge.nbytes if edge is not None else 0)
+
+    @property
+    def attributes(self) -> tuple[Attribute, ...]:
+        """What the model keeps of its mesh: the *attributes* that `voxelize` was asked for."""
+        return () if self._attributes is None else self._attributes.names
 
     @property
     def device(self) -> str:
@@ -190,7 +199,8 @@ class VoxelModel:
         return hash((self.grid, self.count))
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return _restore, (self.to_record(), self.report, self._surfaces)
+        record = self.to_record()
+        return _restore, (record, self.report, self._surfaces, None, self.attributes)
 
     # Combinations
 
@@ -345,6 +355,58 @@ class VoxelModel:
         voxels = self.grid.indices(points)
         return query.look_up(self._session, self._arrays, voxels, Rule.CLASS, self._edge)
 
+    def normals_at(self, points: ArrayLike) -> NDArray[np.float64]:
+        """Return the normal of the voxel that holds each point.
+
+        It is the mean of the normals of the triangles that touch the voxel (Young 2017), of
+        length 1, and on an oriented mesh points outwards.  If they cancel, it is that of the
+        triangle with the lowest number.  The same on every device.
+
+        Parameters
+        ----------
+        points : (n, 3) float64
+
+        Returns
+        -------
+        (n, 3) float64
+            0, three times, for a point in a voxel that no triangle touches, outside of the grid,
+            and for NaN.
+
+        Raises
+        ------
+        MeshError
+            The model was not made with ``attributes=("normals",)``.
+        """
+        return self._kept().normals_at(self._session, self.grid.indices(points))
+
+    def faces_at(self, points: ArrayLike) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Return the triangles that touch the cell that holds each point.
+
+        A cell is one of the coarse grid, or of the level above the voxels; in a dense model, and
+        only there, it is the voxel.
+
+        Parameters
+        ----------
+        points : (n, 3) float64
+            Outside of the grid, and for NaN, there are none.
+
+        Returns
+        -------
+        offsets : (n + 1,) int64
+        faces : (offsets[-1],) int64
+            ``faces[offsets[i]:offsets[i + 1]]`` are those of point i: row numbers of the mesh's
+            triangles as they were given to `voxelize`, rising.
+
+        Raises
+        ------
+        MeshError
+            The model was not made with ``attributes=("links",)``.
+        """
+        attributes = self._kept()
+        ((surface, _),) = self._surfaces
+        voxels = self.grid.indices(points)
+        return attributes.faces_at(self._session, voxels, surface.face_numbers)
+
     def to_array(
         self,
         *,
@@ -466,6 +528,8 @@ class VoxelModel:
     @cached_property
     def _edge(self) -> cla.Array:
         """Which voxels the mesh touches, laid out like the voxels; marked when first asked for."""
+        if self._attributes is not None:
+            return self._attributes.touched.edge
         if not self._surfaces:
             raise MeshError(
                 "no voxel of this model is known to be touched: models read from a file, made from "
@@ -481,6 +545,25 @@ class VoxelModel:
             else:
                 mark_voxels(self._session, facets, lattice.bits, shape, cells, marks)
         return marks
+
+    def _kept(self) -> Attributes:
+        if self._attributes is None:
+            raise MeshError(
+                "this model keeps nothing of its mesh. Ask for it when the model is made: "
+                'voxelize(..., attributes=("normals", "links")); what is made of others, and what '
+                "is read from a file, cannot have it."
+            )
+        return self._attributes
+
+    def _keeping(self, names: tuple[Attribute, ...]) -> VoxelModel:
+        """The same model, made of one mesh, with the attributes *names*."""
+        if not names:
+            return self
+        ((surface, lattice),) = self._surfaces
+        attributes = build_attributes(
+            self._session, self._arrays, self._edge, surface, lattice, names
+        )
+        return replace(self, _attributes=attributes)
 
     def _combined(self, other: VoxelModel, operation: Operation) -> VoxelModel:
         if self.grid != other.grid:
@@ -568,11 +651,12 @@ def _restore(
     report: Report | None,
     surfaces: tuple[tuple[Surface, Lattice], ...],
     device: DeviceLike = None,
+    attributes: tuple[Attribute, ...] = (),
 ) -> VoxelModel:
     session = open_session(device)
     grid, arrays = archive.unpack(session, record)
     report = report or Report(device=str(session.device))
-    return VoxelModel(session, grid, arrays, report, surfaces)
+    return VoxelModel(session, grid, arrays, report, surfaces)._keeping(attributes)
 
 
 def _is_model(other: object) -> bool:
