@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal, TypeAlias, get_args
+from typing import TYPE_CHECKING, Literal, TypeAlias, get_args
 
 import numpy as np
-import pyopencl.array as cla
 from numpy.typing import NDArray
 
 from clvox.device import Session
@@ -25,6 +24,9 @@ from clvox.ops.attributes import (
 from clvox.ops.facets import upload_facets
 from clvox.ops.layout import VoxelArrays
 from clvox.reference.attributes import unpack_normals
+
+if TYPE_CHECKING:
+    import pyopencl.array as cla
 
 Attribute: TypeAlias = Literal["edge", "normals", "area_normals", "links"]
 """What `voxelize` can keep: see there."""
