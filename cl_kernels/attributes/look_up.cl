@@ -18,10 +18,16 @@ __kernel void find_normals(
 {
     const ulong id = get_global_id(0);
     if (id >= n) return;
-    const Touched touched = TOUCHED;
+    const Tree tree = TREE;
     const int x = voxels[3 * id], y = voxels[3 * id + 1], z = voxels[3 * id + 2];
-    const uint voxel = x < 0 ? UNTOUCHED : find_touched(&touched, x, y, z);
-    found[id] = voxel == UNTOUCHED ? NO_NORMAL : packed[voxel];
+    const uint cell = x < 0 ? UNTOUCHED : find_cell(tree, x, y, z);
+    uint answer = NO_NORMAL;
+    if (cell != UNTOUCHED) {
+        const ulong bit = edge_bit(cell, x, y, z);
+        if (LEVELS == 1 || edge[bit / 32] >> (bit % 32) & 1)
+            answer = packed[touched_number(cell, edge, edge_rank, bit)];
+    }
+    found[id] = answer;
 }
 
 /* One work-item answers for one point.
@@ -34,9 +40,9 @@ __kernel void count_faces(
 {
     const ulong id = get_global_id(0);
     if (id >= n) return;
-    const Touched touched = TOUCHED;
+    const Tree tree = TREE;
     const int x = voxels[3 * id], y = voxels[3 * id + 1], z = voxels[3 * id + 2];
-    const uint cell = x < 0 ? UNTOUCHED : find_cell(&touched, x, y, z);
+    const uint cell = x < 0 ? UNTOUCHED : find_cell(tree, x, y, z);
     cells_of[id] = cell;
     counts[id] = cell == UNTOUCHED ? 0 : (uint)(offsets[(ulong)cell + 1] - offsets[cell]);
 }

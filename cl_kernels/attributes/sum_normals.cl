@@ -9,6 +9,7 @@
  * Defines:    LEVELS, BRICK_*, MIDDLE_*  of the model (common/bricks.h)
  *             STEP_BITS, CELL_*, RUN, DIRECT, TILE  (boundary/visit.h), a cell being a voxel
  *             LIMBS  words of a sum: 1, or 2 where one might overflow
+ *             RANK_WORDS  1: the ranks that this kernel is given have an entry for each word
  * Source:     G. Young, "Multi-level voxel representation for GPU-accelerated solid modeling",
  *             2017: the mean normal of the triangles that meet a voxel.
  */
@@ -23,9 +24,12 @@
 #define SINK_PARAMETERS \
     TOUCHED_PARAMETERS, const __global int *normals, const uint first_voxel, \
     const uint last_voxel, __global uint *sums, __global uint *lowest
-#define MAKE_SINK(grid) { TOUCHED, normals, first_voxel, last_voxel, sums, lowest }
+#define MAKE_SINK(grid) \
+    { TREE, edge, edge_rank, normals, first_voxel, last_voxel, sums, lowest }
 typedef struct {
-    Touched touched;
+    Tree tree;
+    const __global uint *edge;
+    const __global uint *edge_rank;
     const __global int *normals;
     uint first, last;
     __global uint *sums;
@@ -34,24 +38,32 @@ typedef struct {
 
 static inline void add(__global uint *sum, const int value)
 {
-    if (value == 0) return;
     const uint low = (uint)value;
     const uint before = atomic_add(sum, low);
 #if LIMBS == 2
     const uint high = (value < 0 ? 0xffffffffu : 0u) + (before + low < low);
-    if (high) atomic_add(sum + 1, high);
+    atomic_add(sum + 1, high);
 #endif
 }
 
 static inline void mark(Sink *sink, const int3 cell, const ulong triangle)
 {
-    const uint voxel = find_touched(&sink->touched, cell.x, cell.y, cell.z);
-    if (voxel == UNTOUCHED || voxel < sink->first || voxel >= sink->last) return;
-    const __global int *normal = sink->normals + 3 * triangle;
-    if (normal[0] == 0 && normal[1] == 0 && normal[2] == 0) return;
-    const ulong at = voxel - sink->first;
-    for (int i = 0; i < 3; ++i) add(sink->sums + (3 * at + i) * LIMBS, normal[i]);
-    atomic_max(sink->lowest + at, ~(uint)triangle);
+    const uint brick = find_cell(sink->tree, cell.x, cell.y, cell.z);
+    if (brick == NO_BRICK) return;
+    /* The voxel's bit is set, since `edge` was made by the same walk. */
+    const uint voxel = touched_number(
+        brick, sink->edge, sink->edge_rank, edge_bit(brick, cell.x, cell.y, cell.z));
+    const bool mine = voxel >= sink->first && voxel < sink->last;
+    const int x = mine ? sink->normals[3 * triangle] : 0;
+    const int y = mine ? sink->normals[3 * triangle + 1] : 0;
+    const int z = mine ? sink->normals[3 * triangle + 2] : 0;
+    /* For all others nothing is added to the first one: with more branches, Intel's compiler reads
+     * where it must not. */
+    const ulong at = mine ? voxel - sink->first : 0;
+    add(sink->sums + 3 * at * LIMBS, x);
+    add(sink->sums + (3 * at + 1) * LIMBS, y);
+    add(sink->sums + (3 * at + 2) * LIMBS, z);
+    atomic_max(sink->lowest + at, (x | y | z) != 0 ? ~(uint)triangle : 0u);
 }
 
 static inline void finish(const Sink *sink)
@@ -85,4 +97,12 @@ __kernel void pack_normals(
         z = normal[2];
     }
     packed[first + id] = pack_normal(x, y, z);
+}
+
+/* One work-item counts the bits of one word.  bits: (words,) uint32.  counts: (words,) uint32. */
+__kernel void count_words(
+    const ulong words, const __global uint *restrict bits, __global uint *restrict counts)
+{
+    const ulong id = get_global_id(0);
+    if (id < words) counts[id] = popcount(bits[id]);
 }

@@ -14,40 +14,38 @@
 
 #define TOUCHED_PARAMETERS \
     TREE_PARAMETERS, const __global uint *edge, const __global uint *edge_rank
-#define TOUCHED_ARGUMENTS TREE_ARGUMENTS, edge, edge_rank
 #define UNTOUCHED NO_BRICK
 
-typedef struct {
-    Tree tree;
-    const __global uint *edge;
-    const __global uint *edge_rank;
-} Touched;
-
-#define TOUCHED { TREE, edge, edge_rank }
-
-/* Number of the touched voxel (x, y, z), or UNTOUCHED. */
-static inline uint find_touched(const Touched *t, const int x, const int y, const int z)
+/* Number of the cell that holds the voxel (x, y, z), or UNTOUCHED. */
+static inline uint find_cell(const Tree tree, const int x, const int y, const int z)
 {
 #if LEVELS == 1
-    return find_brick(t->tree, x, y, z);
+    return find_brick(tree, x, y, z);
 #else
-    const uint brick = find_brick(t->tree, x / BRICK_X, y / BRICK_Y, z / BRICK_Z);
-    if (brick == NO_BRICK) return UNTOUCHED;
-    const uint at = (place_in(z, BRICK_Z) * BRICK_Y + place_in(y, BRICK_Y)) * BRICK_X
-                  + place_in(x, BRICK_X);
-    const ulong word = (ulong)brick * BRICK_WORDS + at / 32;
-    if (!(t->edge[word] >> (at % 32) & 1)) return UNTOUCHED;
-    return rank_of(t->edge, t->edge_rank, word, at % 32);
+    return find_brick(tree, x / BRICK_X, y / BRICK_Y, z / BRICK_Z);
 #endif
 }
 
-/* Number of the cell that holds the voxel (x, y, z), or UNTOUCHED. */
-static inline uint find_cell(const Touched *t, const int x, const int y, const int z)
+/* Bit of the voxel (x, y, z), which lies in cell `cell`, counted over all words of `edge`. */
+static inline ulong edge_bit(const uint cell, const int x, const int y, const int z)
 {
 #if LEVELS == 1
-    return find_brick(t->tree, x, y, z);
+    return 0;
 #else
-    return find_brick(t->tree, x / BRICK_X, y / BRICK_Y, z / BRICK_Z);
+    const uint at = (place_in(z, BRICK_Z) * BRICK_Y + place_in(y, BRICK_Y)) * BRICK_X
+                  + place_in(x, BRICK_X);
+    return (ulong)cell * (32 * BRICK_WORDS) + at;
+#endif
+}
+
+/* Number of a touched voxel of cell `cell`, which has the bit `bit`. */
+static inline uint touched_number(
+    const uint cell, const __global uint *edge, const __global uint *edge_rank, const ulong bit)
+{
+#if LEVELS == 1
+    return cell;
+#else
+    return rank_of(edge, edge_rank, bit / 32, bit % 32);
 #endif
 }
 

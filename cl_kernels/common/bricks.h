@@ -10,6 +10,7 @@
  *             BRICK_X, BRICK_Y, BRICK_Z     voxels along the sides of a brick of voxels
  *             MIDDLE_X, MIDDLE_Y, MIDDLE_Z  if LEVELS is 3, cells along the sides of a brick of
  *                                           cells
+ *             RANK_WORDS                    words for each entry of a rank, if not 8
  */
 #ifndef CLVOX_BRICKS_H
 #define CLVOX_BRICKS_H
@@ -18,7 +19,9 @@
 
 #define BRICK_WORDS ((BRICK_X * BRICK_Y * BRICK_Z + 31) / 32)
 #define FACE_WORDS ((BRICK_X * BRICK_Z + 31) / 32)
+#ifndef RANK_WORDS
 #define RANK_WORDS 8
+#endif
 #define NO_BRICK 0xffffffffu
 
 static inline uint words_in_row(const uint cells)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pyopencl.array as cla
@@ -18,6 +19,7 @@ from clvox.ops.layout import VoxelArrays, int4
 from clvox.ops.lists import sort_rows
 from clvox.ops.multilevel import rank_cells
 from clvox.ops.scan import prefix_sum
+from clvox.reference.attributes import NO_NORMAL
 
 _SUMS, _LINKS, _LOOK_UP = (
     "attributes/sum_normals.cl",
@@ -101,13 +103,21 @@ def sum_normals(
     given = session.upload(normals)
     largest = int(np.abs(normals.astype(np.int64)).max(initial=0))
     limbs = 1 if largest * len(normals) < 2**31 else 2
-    defines = _defines(bits, (1, 1, 1), touched, direct, tile) | {"LIMBS": limbs}
+    defines = _defines(bits, (1, 1, 1), touched, direct, tile) | {"LIMBS": limbs, "RANK_WORDS": 1}
+
+    def rank_words(words: cla.Array) -> cla.Array:
+        counts = session.empty(words.size, np.uint32)
+        kernel = session.kernel(_SUMS, "count_words", **defines, RUN=1, EDGE_BITS=32)
+        session.run(kernel, words.size, np.uint64(words.size), words, counts)
+        return prefix_sum(session, counts)[0]
+
+    where = _finely_ranked(touched, rank_words)
     for first in range(0, touched.count, most):
         last = min(first + most, touched.count)
         sums = session.zeros((last - first, 3 * limbs), np.uint32)
         lowest = session.zeros(last - first, np.uint32)
         span = np.uint32(first), np.uint32(last)
-        sink = *touched.arguments, given, *span, sums, lowest
+        sink = *where, given, *span, sums, lowest
         visit_facets(session, _SUMS, "mark", facets, int4(touched.arrays.shape), sink, defines)
         kernel = session.kernel(_SUMS, "pack_normals", **defines, RUN=1, EDGE_BITS=32)
         count = last - first
@@ -157,11 +167,12 @@ def normals_of(
 ) -> NDArray[np.uint32]:
     """Return the packed normals of *voxels*, (n, 3) int32 (i, j, k); NO_NORMAL for others."""
     count = len(voxels)
+    if count == 0 or touched.count == 0:
+        return np.full(count, NO_NORMAL, np.uint32)
     found = session.empty(count, np.uint32)
-    if count:
-        kernel = session.kernel(_LOOK_UP, "find_normals", **_tree_defines(touched))
-        given = np.uint64(count), session.upload(voxels)
-        session.run(kernel, count, *given, *touched.arguments, packed, found)
+    kernel = session.kernel(_LOOK_UP, "find_normals", **_tree_defines(touched))
+    given = np.uint64(count), session.upload(voxels)
+    session.run(kernel, count, *given, *touched.arguments, packed, found)
     answers: NDArray[np.uint32] = found.get()
     return answers
 
@@ -181,8 +192,8 @@ def faces_of(
     faces : (offsets[-1],) int32
     """
     count = len(voxels)
-    if count == 0:
-        return np.zeros(1, np.int64), np.zeros(0, np.int32)
+    if count == 0 or touched.count == 0:
+        return np.zeros(count + 1, np.int64), np.zeros(0, np.int32)
     defines = _tree_defines(touched)
     cells_of, counts = session.empty(count, np.uint32), session.empty(count, np.uint32)
     kernel = session.kernel(_LOOK_UP, "count_faces", **defines)
@@ -197,6 +208,19 @@ def faces_of(
         )
     ends = np.append(starts.get().astype(np.int64), total)
     return ends, found.get()
+
+
+def _finely_ranked(
+    touched: Touched, rank_words: Callable[[cla.Array], cla.Array]
+) -> tuple[Argument, ...]:
+    """TOUCHED_PARAMETERS with ranks of single words, which *rank_words* makes."""
+    rank = rank_words(touched.edge)
+    cells = touched.arrays.cells
+    if cells is None:
+        return int4(touched.arrays.shape), touched.edge, rank, touched.edge, rank
+    finer = cells.finer and replace(cells.finer, rank=rank_words(cells.finer.boundary))
+    fine = replace(cells, rank=rank_words(cells.boundary), finer=finer)
+    return *fine.tree, touched.edge, rank
 
 
 def _tree_defines(touched: Touched) -> dict[str, int]:

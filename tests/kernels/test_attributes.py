@@ -120,7 +120,7 @@ def test_links(
             assert row == rows.get((cell[0], cell[1], cell[2]), [])
 
 
-@pytest.mark.parametrize("count", [15, 16, 17, 1100])
+@pytest.mark.parametrize("count", [15, 16, 17, 1300])
 def test_many_triangles_in_one_voxel(session: Session, count: int) -> None:
     """Sums that need more than 32 bits, and a row that is too long to be sorted at once."""
     bits, shape = 9, (2, 2, 2)
