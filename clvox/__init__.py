@@ -26,18 +26,21 @@ from clvox.errors import (
 from clvox.grid import Grid
 
 if TYPE_CHECKING:
+    from clvox.camera import Camera
     from clvox.device import devices
     from clvox.mesh import load
     from clvox.models import VoxelModel, count_crossings, open, voxelize  # noqa: A004
-    from clvox.render import render
+    from clvox.render import Material, render, turntable
 
 __all__ = [
+    "Camera",
     "ClvoxError",
     "DeviceError",
     "FormatError",
     "Grid",
     "GridError",
     "KernelBuildError",
+    "Material",
     "MeshError",
     "NotClosedError",
     "NotOrientedError",
@@ -49,16 +52,20 @@ __all__ = [
     "load",
     "open",
     "render",
+    "turntable",
     "voxelize",
 ]
 
 _HOMES = {
+    "Camera": "clvox.camera",
+    "Material": "clvox.render",
     "VoxelModel": "clvox.models",
     "count_crossings": "clvox.models",
     "devices": "clvox.device",
     "load": "clvox.mesh",
     "open": "clvox.models",
     "render": "clvox.render",
+    "turntable": "clvox.render",
     "voxelize": "clvox.models",
 }
 

@@ -1,27 +1,36 @@
-"""Where a picture is taken from: views, and their rays in integers.
+"""Where a picture is taken from: cameras, and their rays in integers.
 
-A view knows nothing of grids; places are in voxels, (x, y, z), counted from the corner of voxel
-(0, 0, 0), and `spacing` says how wide a voxel is.
+A camera is placed in the mesh's frame.  Rays live in a grid: their places are in steps of a voxel,
+(x, y, z), counted from the corner of voxel (0, 0, 0).
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import TypeAlias
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from clvox.errors import GridError
 
+if TYPE_CHECKING:
+    from clvox.grid import Grid
+
 Integers: TypeAlias = tuple[int, int, int]
 
 STEP_BITS = 16
-"""Steps in a voxel, as a power of two, on which rays are placed."""
+"""Steps in a voxel, as a power of two, on which parallel rays are placed."""
+
+EYE_STEP_BITS = 10
+"""The same for rays from an eye: fewer, so that more bits are left to tell directions apart."""
 
 MIN_DIRECTION_BITS, MAX_DIRECTION_BITS = 8, 17
 """Bits of the largest part of a direction."""
+
+TURN_BITS = 24
+"""Bits of a direction's part that are dropped: pixels need not be whole steps apart."""
 
 TIME_BITS = 61
 """Bits of the moments at which a ray meets the planes between voxels; their differences fit."""
@@ -36,12 +45,20 @@ MARGIN = 0.06
 """Part of the picture that stays empty on each side."""
 
 
+DIRECTION = -0.62, 1.0, -0.72
+"""Where the eye looks by default: from the front, the right, and above."""
+
+FOV = 28.0
+"""Degrees from the lower to the upper side of the picture, by default."""
+
+
 @dataclass(frozen=True)
 class Rays:
-    """Parallel rays, one for each sample of a picture, in integers.
+    """The rays of a picture, one for each sample, in integers.
 
-    The ray of column u and row v runs through ``(start + u * right + v * down) >> fraction``,
-    in steps of 2**-bits voxels, and to both sides without end, along `direction`.
+    The ray of column u and row v runs through the place ``(start + u * right + v * down) >>
+    fraction``, in steps of 2**-bits voxels, along ``(direction + u * turn_right + v * turn_down)
+    >> turn``.  It begins there, at the moment 0, if it `begins`, and otherwise has no ends.
 
     A ray meets the plane p of axis j at the moment ``(p * 2**bits - place[j]) * pace[j]``, the
     pace being the product of the other parts of the direction that are not 0, with the sign of
@@ -56,108 +73,324 @@ class Rays:
     start: Integers
     right: Integers
     down: Integers
+    turn: int = 0
+    turn_right: Integers = (0, 0, 0)
+    turn_down: Integers = (0, 0, 0)
+    begins: bool = False
 
     def below(self, row: int) -> Rays:
         """Return the rays from *row* on."""
-        x, y, z = (at + row * step for at, step in zip(self.start, self.down, strict=True))
-        return Rays(
-            self.bits, self.fraction, self.reach, self.direction, (x, y, z), self.right, self.down
+        return replace(
+            self,
+            start=_moved(self.start, self.down, row),
+            direction=_moved(self.direction, self.turn_down, row),
         )
 
 
 @dataclass(frozen=True)
 class View:
-    """An orthographic view.
+    """A camera in front of a grid.
 
     Attributes
     ----------
     rays : Rays
     right, up, back : (3,) float64
         Unit vectors in the mesh's frame: right and up in the picture, and from it to the eye.
+    low, high : (3,) int
+        The voxels that are drawn: from *low* to before *high*.
+    pixel : (float, float)
+        How wide a sample is, in the mesh's unit, where rays begin, and how much wider it is at
+        each unit of length farther along the view.
+    begin : float
+        How far from the eye rays begin, along the view.
     """
 
     rays: Rays
     right: NDArray[np.float64]
     up: NDArray[np.float64]
     back: NDArray[np.float64]
+    low: Integers
+    high: Integers
+    pixel: tuple[float, float]
+    begin: float
+
+
+@dataclass(frozen=True)
+class Camera:
+    """Where a picture is taken from, and what of the model it shows.
+
+    Attributes
+    ----------
+    eye, target, up : (3,) float
+        Where the eye is, what is in the middle of the picture, and what is up in it.
+    fov : float, optional
+        Degrees between the lower and the upper side of the picture, above 0 and below 170.
+    height : float, optional
+        Length that the picture's height shows, seen from far away: rays are parallel.  Give this
+        or *fov*; by default fov is 28.
+    near : float
+        Nothing nearer to the eye's plane than this is seen.
+    box : ((x, y, z), (x, y, z)), optional
+        Lowest and highest corner of what is seen, to the nearest voxel: look inside a model.
+
+    Raises
+    ------
+    GridError
+        Numbers that are not finite, an eye in its target, *up* along the view, or *fov* and
+        *height* both.
+
+    Examples
+    --------
+    >>> import clvox
+    >>> camera = clvox.Camera((0, -30, 10), (0, 0, 0), (0, 0, 1), fov=35)
+    """
+
+    eye: tuple[float, float, float]
+    target: tuple[float, float, float]
+    up: tuple[float, float, float] = (0.0, 0.0, 1.0)
+    fov: float | None = None
+    height: float | None = None
+    near: float = 0.0
+    box: tuple[tuple[float, float, float], tuple[float, float, float]] | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("eye", "target", "up"):
+            object.__setattr__(self, name, _triple(name, getattr(self, name)))
+        if self.fov is not None and self.height is not None:
+            raise GridError(
+                "give fov= (degrees) or height= (a length, for parallel rays), not both"
+            )
+        if self.height is None:
+            fov = FOV if self.fov is None else self.fov
+            object.__setattr__(self, "fov", _number("fov", fov, 0.0, 170.0))
+        else:
+            object.__setattr__(self, "height", _number("height", self.height, 0.0))
+        if not 0 <= self.near < math.inf:
+            raise GridError(f"near must be a length, 0 or more, got {self.near!r}")
+        if self.box is not None:
+            low, high = _corners(self.box)
+            object.__setattr__(self, "box", (low, high))
+        self._frame()
 
     @classmethod
-    def fit(
+    def around(
         cls,
-        box: ArrayLike,
-        shape: Integers,
-        spacing: ArrayLike,
-        size: tuple[int, int],
+        model: Any,
         *,
-        direction: ArrayLike,
-        up: ArrayLike,
-    ) -> View:
-        """Return the view along *direction* in which a box fills the picture.
+        direction: ArrayLike = DIRECTION,
+        up: ArrayLike = (0.0, 0.0, 1.0),
+        fov: float | None = None,
+        parallel: bool = False,
+        aspect: float = 16 / 9,
+    ) -> Camera:
+        """Return the camera that shows all of a model, as large as it can be.
 
         Parameters
         ----------
-        box : (2, 3) float
-            Lowest and highest corner, in voxels; within the grid.
-        shape : (3,) int
-            Voxels of the grid.
-        spacing : (3,) float
-        size : (int, int)
-            Columns and rows of samples.
+        model : object with ``outline`` or ``bounds``
+            A `VoxelModel`, or a mesh, or a grid.
         direction, up : (3,) float
-            Where the eye looks, and what is up, in the mesh's frame.
+            Where the eye looks, and what is up.
+        fov : float, optional
+            Degrees between the lower and the upper side of the picture; 28 by default.
+        parallel : bool
+            Whether rays are to be parallel.
+        aspect : float
+            Width of the picture by its height.
+        """
+        low, high = np.asarray(model.bounds, dtype=np.float64)
+        points = getattr(model, "outline", _box_corners(low, high))
+        middle, ahead = (low + high) / 2, _unit("direction", direction)
+        size = float(np.linalg.norm(high - low)) or 1.0
+        looking = cls(_tuple(middle - ahead * size), _tuple(middle), _triple("up", up), height=size)
+        right, above, back = looking._frame()
+        part = 1 - 2 * MARGIN
+        across, upright, depth = np.stack([right, above, back]) @ (points - middle).T
+        if parallel:
+            offset = sum(
+                (values.max() + values.min()) / 2 * axis
+                for values, axis in ((across, right), (upright, above))
+            )
+            height = float(max(np.ptp(upright), np.ptp(across) / aspect)) / part
+            eye, target = np.array(looking.eye) + offset, middle + offset
+            return replace(looking, eye=_tuple(eye), target=_tuple(target), height=height or 1.0)
+        degrees = _number("fov", FOV if fov is None else fov, 0.0, 170.0)
+        slope = math.tan(math.radians(degrees) / 2) * part
+        # Sideways, so that the picture's middle is that of what is seen: nearer parts look larger.
+        shift = np.zeros(2)
+        for _ in range(8):
+            aside = np.stack([across - shift[0], upright - shift[1]])
+            wanted = np.maximum(np.abs(aside[0]) / aspect, np.abs(aside[1])) / slope
+            distance = max(float((depth + wanted).max()), float(depth.max()) + 1e-6 * size)
+            seen = aside / (distance - depth)
+            shift += (seen.max(axis=1) + seen.min(axis=1)) / 2 * distance
+        target = middle + shift[0] * right + shift[1] * above
+        eye = _tuple(target + back * distance)
+        return replace(looking, eye=eye, target=_tuple(target), fov=degrees, height=None)
+
+    def turned(self, degrees: float) -> Camera:
+        """Return the camera after a walk around its target, about the direction *up*."""
+        turn, axis = math.radians(degrees), _unit("up", self.up)
+        away = np.array(self.eye) - np.array(self.target)
+        along = axis * (axis @ away)
+        moved = along + (away - along) * math.cos(turn) + np.cross(axis, away) * math.sin(turn)
+        return replace(self, eye=_tuple(np.array(self.target) + moved))
+
+    def view(self, grid: Grid, size: tuple[int, int]) -> View:
+        """Return the rays of a picture of *size* samples, columns and rows, in *grid*.
 
         Raises
         ------
         GridError
-            The two are not finite, or parallel; or spacings differ too much to draw.
+            The eye is too far away, or spacings differ too much, to draw.
         """
-        low, high = np.asarray(box, dtype=np.float64)
-        widths = np.asarray(spacing, dtype=np.float64)
-        ahead = _unit("direction", direction)
-        # Places lie on a plane through the middle of the box, across the direction: that of a ray
-        # which meets the grid is no farther from the middle than the grid's diagonal.
-        diagonal = float(np.linalg.norm(np.array(shape) * widths))
-        reach = float((diagonal / widths).max()) + 2 * max(shape) + PADDING
-        reach_bits = math.ceil(math.log2(reach))
-        most = (TIME_BITS - STEP_BITS - reach_bits) // 2
-        if most < MIN_DIRECTION_BITS:
-            raise GridError(f"voxels of {tuple(widths.tolist())} are too unequal to draw")
-        direction_bits = min(most, MAX_DIRECTION_BITS)
-        along = ahead / widths
-        whole = np.rint(along / np.abs(along).max() * (2**direction_bits - 1))
-        back = _unit("direction", -whole * widths)
-        right = np.cross(_unit("up", up), back)
-        if np.linalg.norm(right) < 1e-6:
-            raise GridError(f"up must not be parallel to the direction {_plain(direction)}")
-        right /= np.linalg.norm(right)
-        above = np.cross(back, right)
-
-        corners = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)])
-        offsets = (corners - 0.5) * (high - low) * widths
-        across = 2 * np.abs(offsets @ right).max(), 2 * np.abs(offsets @ above).max()
-        step = max(extent / count for extent, count in zip(across, size, strict=True))
-        step /= 1 - 2 * MARGIN
-
+        right, above, back = self._frame()
+        low, high = self._voxels(grid)
+        widths, shape = np.array(grid.spacing), np.array(grid.shape)
         columns, rows = size
-        right_steps, down_steps = right * step / widths, -above * step / widths
-        first = (low + high) / 2 - (columns - 1) / 2 * right_steps - (rows - 1) / 2 * down_steps
-        farthest = float(
-            (np.abs(first) + columns * np.abs(right_steps) + rows * np.abs(down_steps)).max()
+        origin, eye = np.array(grid.origin), np.array(self.eye)
+        corners = _box_corners(origin, origin + shape * widths)
+        # Rays begin just before the grid, if the eye is far off.
+        depths = -(corners - eye) @ back
+        margin = 1e-3 * float(np.linalg.norm(shape * widths))
+        begin = max(self.near, float(depths.min()) - margin)
+        if self.height is None:
+            slope = 2 * math.tan(math.radians(self.fov or FOV) / 2) / rows
+            step, spread = slope * begin, slope
+        else:
+            step, spread = self.height / rows, 0.0
+        middle = eye - begin * back
+        across, along = right / widths, -above / widths
+        first = (middle - origin) / widths - step * (
+            (columns - 1) / 2 * across + (rows - 1) / 2 * along
         )
-        fraction = min(16, START_BITS - STEP_BITS - math.ceil(math.log2(farthest + 1)))
-        if fraction < 0:
-            raise GridError(f"a picture of {columns} x {rows} is too unequal to draw")
-        scale = 2.0 ** (STEP_BITS + fraction)
-        rays = Rays(
-            STEP_BITS,
-            fraction,
-            1 << (reach_bits + STEP_BITS),
-            _integers(whole),
-            _integers(first * scale),
-            _integers(right_steps * scale),
-            _integers(down_steps * scale),
+        ahead = -back / widths - spread * ((columns - 1) / 2 * across + (rows - 1) / 2 * along)
+        turns = spread * across, spread * along
+        rays = _integer_rays(
+            grid, size, (first, step * across, step * along), (ahead, *turns), from_eye=spread > 0
         )
-        return cls(rays, right, above, back)
+        return View(rays, right, above, back, low, high, (step, spread), begin)
+
+    def _frame(self) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+        """Unit vectors to the right, upwards, and back to the eye."""
+        away = np.array(self.eye) - np.array(self.target)
+        if not away.any():
+            raise GridError(f"eye and target must differ, both are {self.eye}")
+        back = _unit("eye - target", away)
+        right = np.cross(_unit("up", self.up), back)
+        if np.linalg.norm(right) < 1e-6:
+            raise GridError(f"up must not be parallel to the view, got {self.up}")
+        right /= np.linalg.norm(right)
+        return right, np.cross(back, right), back
+
+    def _voxels(self, grid: Grid) -> tuple[Integers, Integers]:
+        if self.box is None:
+            return (0, 0, 0), grid.shape
+        places = (np.array(self.box) - grid.origin) / grid.spacing
+        low, high = np.rint(np.clip(places, 0, grid.shape))
+        return _integers(low), _integers(np.maximum(low, high))
+
+
+def _integer_rays(
+    grid: Grid,
+    size: tuple[int, int],
+    places: tuple[NDArray[np.float64], ...],
+    directions: tuple[NDArray[np.float64], ...],
+    *,
+    from_eye: bool,
+) -> Rays:
+    """Round rays; places and directions, in voxels: of the first one, and per column and row."""
+    columns, rows = size
+    shape = np.array(grid.shape)
+    ends = [
+        [part[0] + u * part[1] + v * part[2] for u in (0, columns) for v in (0, rows)]
+        for part in (places, directions)
+    ]
+    farthest, steepest = (float(np.abs(end).max()) for end in ends)
+    if not math.isfinite(farthest + steepest) or steepest == 0:
+        raise GridError("the camera's numbers are too large to draw with")
+    # A ray that meets the grid and is parallel to its neighbours begins within twice its diagonal.
+    widths = np.array(grid.spacing)
+    diagonal = float(np.linalg.norm(shape * widths) / widths.min())
+    reach = (farthest if from_eye else min(farthest, 2 * diagonal)) + 2 * shape.max() + PADDING
+    reach_bits = math.ceil(math.log2(reach))
+    bits = EYE_STEP_BITS if from_eye else STEP_BITS
+    most = (TIME_BITS - bits - reach_bits) // 2
+    if most < MIN_DIRECTION_BITS:
+        raise GridError(
+            f"the eye is too far away, or voxels of {tuple(widths.tolist())} are too unequal to "
+            "draw"
+        )
+    direction_bits = min(most, MAX_DIRECTION_BITS)
+    turn = TURN_BITS if from_eye else 0
+    fraction = min(16, START_BITS - bits - math.ceil(math.log2(farthest + 1)))
+    if fraction < 0:
+        raise GridError(f"a picture of {columns} x {rows} is too unequal to draw")
+    scale = 2.0 ** (bits + fraction)
+    grow = (2**direction_bits - 1) / steepest * 2.0**turn
+    ahead, turn_right, turn_down = (_integers(np.rint(part * grow)) for part in directions)
+    start, right, down = (_integers(part * scale) for part in places)
+    return Rays(
+        bits,
+        fraction,
+        1 << (reach_bits + bits),
+        ahead,
+        start,
+        right,
+        down,
+        turn,
+        turn_right,
+        turn_down,
+        begins=True,
+    )
+
+
+def _moved(place: Integers, step: Integers, count: int) -> Integers:
+    x, y, z = (at + count * part for at, part in zip(place, step, strict=True))
+    return x, y, z
+
+
+def _box_corners(low: NDArray[np.float64], high: NDArray[np.float64]) -> NDArray[np.float64]:
+    parts = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)])
+    corners: NDArray[np.float64] = low + parts * (high - low)
+    return corners
+
+
+def _tuple(values: NDArray[np.float64]) -> tuple[float, float, float]:
+    x, y, z = values.tolist()
+    return x, y, z
+
+
+def _triple(name: str, value: ArrayLike) -> tuple[float, float, float]:
+    try:
+        vector = np.asarray(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        vector = np.empty(0)
+    if vector.shape != (3,) or not np.isfinite(vector).all():
+        raise GridError(f"{name} must be three finite numbers, got {_plain(value)!r}")
+    return _tuple(vector)
+
+
+def _number(name: str, value: float, low: float, high: float = math.inf) -> float:
+    number = float(value) if isinstance(value, int | float | np.number) else math.nan
+    if not low < number < high:
+        most = f" and below {high:g}" if high < math.inf else ""
+        raise GridError(f"{name} must be a number above {low:g}{most}, got {value!r}")
+    return number
+
+
+def _corners(
+    box: ArrayLike,
+) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
+    try:
+        corners = np.asarray(box, dtype=np.float64)
+    except (TypeError, ValueError):
+        corners = np.empty(0)
+    if corners.shape != (2, 3) or np.isnan(corners).any() or (corners[0] > corners[1]).any():
+        raise GridError(
+            f"box must be a lowest and a highest corner, each of three numbers, got {_plain(box)!r}"
+        )
+    return _tuple(corners[0]), _tuple(corners[1])
 
 
 def _integers(values: NDArray[np.float64]) -> Integers:

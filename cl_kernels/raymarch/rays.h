@@ -8,107 +8,115 @@
 #ifndef CLVOX_RAYMARCH_RAYS_H
 #define CLVOX_RAYMARCH_RAYS_H
 
-/* Oclgrind crashes where vectors are handed to a function that is not inlined, or go round a loop
- * (as in Walk, below), and where one bit chooses between two of them. */
-#define INLINE static inline __attribute__((always_inline))
-
 #define RAY_PARAMETERS \
-    const int bits, const int fraction, const long reach, const long4 direction, \
-    const long4 start, const long4 right, const long4 down
+    const int bits, const int fraction, const int turn, const int begins, const long reach, \
+    const long4 start, const long4 right, const long4 down, \
+    const long4 direction, const long4 turn_right, const long4 turn_down
 
-/* The place of a ray, in steps. */
-INLINE long3 place_of(
-    const int fraction, const long4 start, const long4 right, const long4 down,
-    const int column, const int row)
+/* Part of the place, or of the direction, of the ray of a column and a row. */
+static inline long ray_part(
+    const long first, const long across, const long along, const int shift, const int column,
+    const int row)
 {
-    return ((start + right * (long)column + down * (long)row) >> (long)fraction).xyz;
+    return (first + across * column + along * row) >> shift;
 }
 
-INLINE bool is_within(const long3 place, const long reach)
+#define PLACE_OF(axis, column, row) \
+    ray_part(start.axis, right.axis, down.axis, fraction, column, row)
+#define DIRECTION_OF(axis, column, row) \
+    ray_part(direction.axis, turn_right.axis, turn_down.axis, turn, column, row)
+
+static inline bool is_within(const long place, const long reach)
 {
-    return place.x < reach && place.y < reach && place.z < reach
-        && place.x > -reach && place.y > -reach && place.z > -reach;
+    return place < reach && place > -reach;
 }
 
-INLINE long not_zero(const long part)
+static inline long not_zero(const long part)
 {
-    return part == 0 ? 1 : (long)abs(part);
+    return part == 0 ? 1 : (part < 0 ? -part : part);
 }
 
-/* Moments per step along each axis. */
-INLINE long3 paces(const long4 direction)
+/* One axis of a ray, mirrored so that the ray runs upwards along it. */
+typedef struct {
+    long zero;      /* moment at which plane 0 is met */
+    long step;      /* moments from a plane between voxels to the next one; 0: it stands still */
+    int turned;     /* is the axis mirrored? */
+    int low, high;  /* voxels that are drawn */
+    int standing;   /* if it stands still: the voxel in which it does */
+} Along;
+
+/* padded: voxels along the axis, those of the padding included; it is drawn from low to before
+ * high.  pace: moments for each step of the place. */
+static inline void begin_along(
+    Along *along, const long place, const long part, const long pace, const int bits,
+    const int padded, const int low, const int high)
 {
-    const long x = not_zero(direction.x), y = not_zero(direction.y), z = not_zero(direction.z);
-    return (long3)(y * z, x * z, x * y);
+    const long one = 1L << bits;
+    along->turned = part < 0;
+    along->zero = part < 0 ? (place - padded * one) * pace : -place * pace;
+    along->step = part == 0 ? 0 : one * pace;
+    along->low = part < 0 ? padded - high : low;
+    along->high = part < 0 ? padded - low : high;
+    along->standing = (int)(place >> bits);
 }
 
-/* Axis whose moment comes first, and last. */
-INLINE int first_axis(const long3 t)
+static inline long moment_in(const Along *along)
 {
-    return t.x <= t.y && t.x <= t.z ? 0 : (t.y <= t.z ? 1 : 2);
+    return along->step == 0 ? LONG_MIN : along->zero + along->low * along->step;
 }
 
-INLINE int last_axis(const long3 t)
+static inline long moment_past(const Along *along)
 {
-    return t.z >= t.x && t.z >= t.y ? 2 : (t.y >= t.x ? 1 : 0);
+    return along->step == 0 ? LONG_MAX : along->zero + along->high * along->step;
 }
 
-INLINE long part_of(const long3 t, const int axis)
+static inline bool stands_outside(const Along *along)
 {
-    return axis == 0 ? t.x : (axis == 1 ? t.y : t.z);
+    return along->step == 0 && (along->standing < along->low || along->standing >= along->high);
+}
+
+/* Cells of `side` voxels passed after the moment `since` up to (t, axis), that one included, along
+ * the axis `own`; if it stands still, where it does: `standing` voxels after `since`. */
+static inline int cells_passed(
+    const Along *along, const long since, const int side, const int standing, const long t,
+    const int axis, const int own)
+{
+    const long apart = along->step * side;
+    if (apart == 0) return standing / side;
+    /* In float32 this is right but for one, since a grid is not that long. */
+    const long ahead = t - since - (own > axis);
+    const int count = (int)((float)ahead / (float)apart);
+    const long rest = ahead - count * apart;
+    return max(count + (rest >= apart) - (rest < 0), 0);
+}
+
+/* The moment at which the cell with number `cell` is left, counted from the moment `since`. */
+static inline long moment_out(const Along *along, const long since, const int side, const int cell)
+{
+    return along->step == 0 ? LONG_MAX : since + (long)(cell + 1) * along->step * side;
+}
+
+/* Axis whose moment comes first. */
+static inline int first_axis(const long x, const long y, const long z)
+{
+    return x <= y && x <= z ? 0 : (y <= z ? 1 : 2);
+}
+
+/* Axis whose moment comes last. */
+static inline int last_axis(const long x, const long y, const long z)
+{
+    return z >= x && z >= y ? 2 : (y >= x ? 1 : 0);
+}
+
+static inline long one_of(const int axis, const long x, const long y, const long z)
+{
+    return axis == 0 ? x : (axis == 1 ? y : z);
 }
 
 /* Is the moment (t, axis) before (u, other)? */
-INLINE bool is_before(const long t, const int axis, const long u, const int other)
+static inline bool is_before(const long t, const int axis, const long u, const int other)
 {
     return t < u || (t == u && axis < other);
-}
-
-/* Planes met after the moments `since` up to (t, axis), that one included; they lie `apart`.
- * Means nothing along axes on which the ray stands still. */
-INLINE int3 planes_met(const long3 since, const long3 apart, const long t, const int axis)
-{
-    return (int3)(
-        (int)((t - since.x) / apart.x),
-        (int)((t - since.y - (1 > axis)) / apart.y),
-        (int)((t - since.z - (2 > axis)) / apart.z));
-}
-
-/* Where a ray is: in which cell, and the moments at which it leaves it. */
-typedef struct {
-    int x, y, z;
-    long leaves_x, leaves_y, leaves_z;
-} Walk;
-
-INLINE Walk begin_walk(const int3 cell, const long3 leaves)
-{
-    return (Walk){cell.x, cell.y, cell.z, leaves.x, leaves.y, leaves.z};
-}
-
-/* Axis along which the cell is left. */
-INLINE int way_out(const Walk *walk)
-{
-    return first_axis((long3)(walk->leaves_x, walk->leaves_y, walk->leaves_z));
-}
-
-INLINE long moment_out(const Walk *walk, const int axis)
-{
-    return part_of((long3)(walk->leaves_x, walk->leaves_y, walk->leaves_z), axis);
-}
-
-/* Go on to the next cell along an axis; planes lie `apart`. */
-INLINE void step_along(Walk *walk, const int axis, const long3 apart)
-{
-    if (axis == 0) {
-        walk->x += 1;
-        walk->leaves_x += apart.x;
-    } else if (axis == 1) {
-        walk->y += 1;
-        walk->leaves_y += apart.y;
-    } else {
-        walk->z += 1;
-        walk->leaves_z += apart.z;
-    }
 }
 
 #endif

@@ -80,6 +80,12 @@ def _parser() -> argparse.ArgumentParser:
     render.add_argument(
         "--size", type=_size, default=(1920, 1080), metavar="WxH", help="pixels; 1920x1080"
     )
+    render.add_argument(
+        "--style",
+        choices=("surface", "voxels", "volume"),
+        default="surface",
+        help="a lit surface; cubes, coloured by what they are; or how much a ray runs inside",
+    )
 
     demo = verbs.add_parser(
         "demo", parents=[common, device], help="make voxels, a picture and a mesh of a part"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     import trimesh
 
     from clvox.mesh import Surface
+    from clvox.models.attributes import Attribute
 
 Command: TypeAlias = Callable[[argparse.Namespace, Console], None]
 
@@ -142,9 +143,9 @@ def mesh(options: argparse.Namespace, console: Console) -> None:
 def render(options: argparse.Namespace, console: Console) -> None:
     """Make a picture of voxels."""
     target = files.writable(options.output, files.PICTURES, options.file)
-    model = model_of(options.file, options, console)
+    model = model_of(options.file, options, console, attributes=("normals",))
     with console.stage("render"):
-        image = clvox.render(model, size=options.size)
+        image = clvox.render(model, size=options.size, style=options.style)
     with console.stage("write"):
         write_picture(image, target)
     tell_file(target, "the picture", console)
@@ -163,7 +164,13 @@ COMMANDS: Mapping[str, Command] = {
 # What commands and the demo share
 
 
-def model_of(file: str, options: argparse.Namespace, console: Console) -> clvox.VoxelModel:
+def model_of(
+    file: str,
+    options: argparse.Namespace,
+    console: Console,
+    *,
+    attributes: Sequence[Attribute] = (),
+) -> clvox.VoxelModel:
     """Return the model of a mesh, or that in a `.npz` file, and tell about it."""
     if file.endswith(".npz"):
         with console.stage("open"):
@@ -178,6 +185,7 @@ def model_of(file: str, options: argparse.Namespace, console: Console) -> clvox.
                 pitch=getattr(options, "pitch", None),
                 levels=getattr(options, "levels", None),
                 fill=getattr(options, "fill", "parity"),
+                attributes=attributes,
                 device=options.device,
                 progress=progress,
             )

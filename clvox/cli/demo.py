@@ -27,7 +27,7 @@ def demo(options: argparse.Namespace, console: Console) -> None:
 
     with as_file(files("clvox") / "demo" / PART) as path:
         given = commands.volume_of(clvox.load(path))
-        model = commands.model_of(str(path), options, console)
+        model = commands.model_of(str(path), options, console, attributes=("normals",))
     console.record["file"] = PART
     with console.stage("render"):
         image = clvox.render(model, size=SIZE, background=PAPER)

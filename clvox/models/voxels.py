@@ -6,6 +6,7 @@ import os
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from io import BytesIO
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 import numpy as np
@@ -37,6 +38,9 @@ OUTSIDE, INSIDE, BOUNDARY = 0, 1, 2
 
 RuleName: TypeAlias = Literal["centre", "touch", "within"]
 _RULES = {"centre": Rule.CENTRE, "touch": Rule.TOUCH, "within": Rule.WITHIN}
+
+NOTEBOOK_SIZE = 640, 400
+"""Pixels of the picture that notebooks show."""
 
 SLAB_BYTES = 1 << 26
 """About how much of an expanded model is on the device at once."""
@@ -162,6 +166,39 @@ class VoxelModel:
             return self._arrays.nbytes + self._attributes.nbytes
         edge = self.__dict__.get("_edge")
         return self._arrays.nbytes + (edge.nbytes if edge is not None else 0)
+
+    @property
+    def bounds(self) -> NDArray[np.float64]:
+        """Lowest and highest corner of the coarse cells that are not empty, (2, 3) float64.
+
+        In a dense model cells of 8 x 8 x 8 voxels; the whole grid's if all of them are empty.
+        """
+        return np.stack([self.outline.min(axis=0), self.outline.max(axis=0)])
+
+    @cached_property
+    def outline(self) -> NDArray[np.float64]:
+        """Points whose convex hull holds the model, (n, 3) float64: corners of its coarse cells."""
+        if len(self.levels) > 1:
+            occupied = self.to_array(level=0) != 0
+            side = np.prod(self.levels[1:], axis=0)
+        else:
+            occupied, side = self.coverage(cells=8) > 0, np.array([8, 8, 8])
+        if not occupied.any():
+            occupied[...] = True
+        j, i = np.nonzero(occupied.any(axis=0))
+        columns = occupied[:, j, i]
+        first, last = columns.argmax(axis=0), len(columns) - columns[::-1].argmax(axis=0)
+        corners = np.concatenate(
+            [
+                np.stack([i + x, j + y, k], axis=1)
+                for x in (0, 1)
+                for y in (0, 1)
+                for k in (first, last)
+            ]
+        )
+        places = np.minimum(corners * side, self.grid.shape) * self.grid.spacing
+        points: NDArray[np.float64] = places + self.grid.origin
+        return points
 
     @property
     def attributes(self) -> tuple[Attribute, ...]:
@@ -518,6 +555,16 @@ class VoxelModel:
     def to_record(self) -> dict[str, NDArray[Any]]:
         """Return the grid and the arrays of the model, as docs/layouts describes them."""
         return archive.pack(self.grid, self._arrays)
+
+    def _repr_png_(self) -> bytes:
+        """Return a small picture as a PNG file, for notebooks."""
+        from PIL import Image
+
+        import clvox
+
+        file = BytesIO()
+        Image.fromarray(clvox.render(self, size=NOTEBOOK_SIZE)).save(file, "PNG")
+        return file.getvalue()
 
     # Inside
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import pyopencl.array as cla
@@ -12,98 +13,211 @@ from pyopencl import cltypes
 from clvox.camera import Integers, Rays, View
 from clvox.device import Session
 from clvox.device.session import Argument
+from clvox.ops.attributes import Touched
 from clvox.ops.layout import VoxelArrays, int2, int4
 from clvox.ops.query import Rule
 
-SIDE = 2
-"""Samples along the side of a pixel."""
+_MARCH, _SHADE, _VOLUME = "raymarch/march.cl", "raymarch/shade.cl", "raymarch/shade_volume.cl"
 
 WINDOW = 3
 """A normal is the slope of the voxels that are at most so many away along each axis."""
 
+LIGHTS = 2
+
+
+@dataclass(frozen=True)
+class Scene:
+    """What is drawn: a model, and what is known of the voxels that its mesh touches.
+
+    normals: packed, of the touched voxels; `flip` is -1 if they point inwards.
+    """
+
+    arrays: VoxelArrays
+    spacing: tuple[float, float, float]
+    touched: Touched | None = None
+    normals: cla.Array | None = None
+    flip: int = 1
+
+    @property
+    def rule(self) -> Rule:
+        """What rays meet: what is inside, and what is touched, if that is known."""
+        return Rule.CENTRE if self.touched is None else Rule.TOUCH
+
+    @property
+    def edge(self) -> cla.Array | None:
+        """Which voxels are touched."""
+        return None if self.touched is None else self.touched.edge
+
+
+class Hits(NamedTuple):
+    """What rays meet: voxels, (rows, columns, 4) int32, and how far off, (rows, columns) float32.
+
+    A voxel is (i, j, k) and a word: the axis along which it is entered, 4 if a cut opens it, and 8
+    times what it is: 0 inside, 1 touched, 2 part of a cell that is inside.  -1, -1, -1, 0 is
+    nothing.  Distances are in directions of the rays.
+    """
+
+    voxels: cla.Array
+    far: cla.Array
+
 
 @dataclass(frozen=True)
 class Paint:
-    """How a surface looks; colours are linear, (red, green, blue).
+    """How things look; colours are linear, (red, green, blue).
 
+    colours: of what is inside, touched, in a cell that is inside, and cut open.
+    ambient, diffuse, specular, shininess, emission: of Phong's law.
+    background: colour and opacity.  lines: whether the edges of voxels are drawn.
     offsets: (n, 3) float32, in voxels: where to look for what shades a place from the sky.
-    background: colour and opacity.
     """
 
-    colour: tuple[float, float, float]
+    colours: tuple[tuple[float, float, float], ...]
+    ambient: float
+    diffuse: float
+    specular: float
+    shininess: float
+    emission: float
     background: tuple[float, float, float, float]
     offsets: NDArray[np.float32]
+    lines: bool = False
 
 
-def march_surface(
-    session: Session, arrays: VoxelArrays, rays: Rays, size: tuple[int, int]
-) -> cla.Array:
-    """Return the first voxel that is inside along each ray, or -1, three times.
+def march(session: Session, scene: Scene, view: View, rays: Rays, size: tuple[int, int]) -> Hits:
+    """Return the first voxel along each ray that is inside, or touched if that is known.
 
-    size: columns and rows.  Returns (rows, columns, 3) int32 on the device.
+    size: columns and rows.
     """
     columns, rows = size
-    hits = session.empty((rows, columns, 3), np.int32)
-    if hits.size == 0:
-        return hits
-    kernel = session.kernel(
-        "raymarch/march_surface.cl", "march_surface", RULE=Rule.CENTRE, **arrays.defines
-    )
+    voxels = session.empty((rows, columns, 4), np.int32)
+    far = session.empty((rows, columns), np.float32)
+    _follow(session, scene, view, rays, size, 0, voxels, far)
+    return Hits(voxels, far)
+
+
+def measure_lengths(
+    session: Session, scene: Scene, view: View, rays: Rays, size: tuple[int, int]
+) -> cla.Array:
+    """Return the length of each ray within voxels that are inside, (rows, columns) float32."""
+    columns, rows = size
+    far = session.empty((rows, columns), np.float32)
+    none = session.empty(1, np.int32)
+    inside = Scene(scene.arrays, scene.spacing)
+    _follow(session, inside, view, rays, size, 1, none, far)
+    return far
+
+
+def _follow(
+    session: Session,
+    scene: Scene,
+    view: View,
+    rays: Rays,
+    size: tuple[int, int],
+    lengths: int,
+    voxels: cla.Array,
+    far: cla.Array,
+) -> None:
+    columns, rows = size
+    if columns * rows == 0:
+        return
+    arrays = scene.arrays
+    defines = {"RULE": scene.rule, "LENGTHS": lengths, "TILE": 0, **arrays.defines}
+    kernel = session.kernel(_MARCH, "march", **defines)
+    starts = session.empty(1, np.float32)
+    box = int4(arrays.shape), int4(arrays.columns), int4(view.low), int4(view.high)
     session.run(
         kernel,
         columns * rows,
-        *(int2(columns, rows), int4(arrays.shape), int4(arrays.columns), *_ray_arguments(rays)),
-        *(*arrays.arguments(), hits),
+        *(int2(columns, rows), *box, _float4(scene.spacing), *_ray_arguments(rays), starts),
+        *(*arrays.arguments(scene.edge), voxels, far),
     )
-    return hits
 
 
-def shade_surface(
+def shade(
     session: Session,
-    arrays: VoxelArrays,
+    scene: Scene,
     view: View,
-    spacing: tuple[float, float, float],
-    hits: cla.Array,
     rays: Rays,
+    hits: Hits,
+    samples: int,
     paint: Paint,
 ) -> cla.Array:
-    """Return the colours of the surface at *hits*, which `march_surface` found along *rays*.
+    """Return the colours of *hits*, `samples` x `samples` of which are a pixel.
 
-    hits: SIDE x SIDE to a pixel.  Returns (rows, columns, 4) uint8 on the device: red, green and
-    blue in sRGB, and opacity.
+    Returns (rows, columns, 4) uint8 on the device: red, green and blue in sRGB, and opacity.
     """
-    rows, columns = hits.shape[0] // SIDE, hits.shape[1] // SIDE
+    rows, columns = (count // samples for count in hits.far.shape)
     pixels = session.empty((rows, columns, 4), np.uint8)
     if pixels.size == 0:
         return pixels
-    kernel = session.kernel(
-        "raymarch/shade_surface.cl",
-        "shade_surface",
-        RULE=Rule.CENTRE,
-        SIDE=SIDE,
-        WINDOW=WINDOW,
+    arrays = scene.arrays
+    stored = scene.normals is not None and scene.touched is not None
+    defines = {
+        "RULE": Rule.CENTRE,
+        "SAMPLES": samples,
+        "WINDOW": WINDOW,
+        "STORED": int(stored),
+        "LINES": int(paint.lines),
+        "LIGHTS": LIGHTS,
         **arrays.defines,
-    )
-    widths = np.array(spacing) / min(spacing)
+    }
+    kernel = session.kernel(_SHADE, "shade", **defines)
+    widths = np.array(scene.spacing)
+    none = arrays.voxels
+    kept: tuple[Argument, ...] = none, none, none
+    if scene.touched is not None and scene.normals is not None:
+        kept = scene.touched.edge, scene.touched.rank, scene.normals
+    phong = paint.ambient, paint.diffuse, paint.specular, paint.shininess
+    colours = np.array(paint.colours, np.float32)
+    pixel, spread = view.pixel
     session.run(
         kernel,
         columns * rows,
-        *(int2(columns, rows), int4(arrays.shape), *_ray_arguments(rays)),
-        *(_float4(widths), _float4(view.right), _float4(view.up), _float4(view.back)),
-        *(_float4(paint.colour), _float4(paint.background)),
-        *(np.int32(len(paint.offsets)), session.upload(paint.offsets), hits),
-        *(*arrays.arguments(), pixels),
+        *(int2(columns, rows), int4(arrays.shape), int4(view.low), int4(view.high)),
+        *(*_ray_arguments(rays), _float4(widths)),
+        *(_float4(view.right), _float4(view.up), _float4(view.back)),
+        *(_float4(phong), np.float32(paint.emission), _float4(paint.background)),
+        *(np.float32(pixel), np.float32(spread), np.float32(scene.flip)),
+        *(session.upload(colours), np.int32(len(paint.offsets)), session.upload(paint.offsets)),
+        *(hits.voxels, hits.far, *arrays.arguments(scene.edge), *kept, pixels),
     )
+    return pixels
+
+
+def shade_volume(
+    session: Session,
+    lengths: cla.Array,
+    samples: int,
+    colours: tuple[tuple[float, float, float], tuple[float, float, float]],
+    density: float,
+    *,
+    counted: bool,
+    background: tuple[float, float, float, float],
+) -> cla.Array:
+    """Return the colours of *lengths* within a solid, `samples` x `samples` of which are a pixel.
+
+    colours: where little of the light is held back, and where nearly all of it is.  density: for
+    each unit of length.  counted: opacity grows with the length, and not by Beer and Lambert's law.
+    """
+    rows, columns = (count // samples for count in lengths.shape)
+    pixels = session.empty((rows, columns, 4), np.uint8)
+    if pixels.size:
+        kernel = session.kernel(_VOLUME, "shade_volume", SAMPLES=samples)
+        session.run(
+            kernel,
+            columns * rows,
+            *(int2(columns, rows), np.float32(density), np.int32(counted)),
+            *(_float4(colours[0]), _float4(colours[1]), _float4(background), lengths, pixels),
+        )
     return pixels
 
 
 def _ray_arguments(rays: Rays) -> tuple[Argument, ...]:
     """RAY_PARAMETERS of `raymarch/rays.h`."""
     return (
-        np.int32(rays.bits),
-        np.int32(rays.fraction),
-        np.int64(rays.reach),
-        *map(_long4, (rays.direction, rays.start, rays.right, rays.down)),
+        *(np.int32(rays.bits), np.int32(rays.fraction), np.int32(rays.turn)),
+        *(np.int32(rays.begins), np.int64(rays.reach)),
+        *map(_long4, (rays.start, rays.right, rays.down)),
+        *map(_long4, (rays.direction, rays.turn_right, rays.turn_down)),
     )
 
 

@@ -1,19 +1,42 @@
-"""The voxel that each ray of a picture meets first, by looking at all of them."""
+"""What each ray of a picture meets, by looking at all voxels."""
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from clvox.camera import Rays
+from clvox.camera import Integers, Rays
 
 
-def first_voxels(voxels: NDArray[np.bool_], rays: Rays, size: tuple[int, int]) -> NDArray[np.int32]:
+class Visits(NamedTuple):
+    """The voxels that a ray visits, of those given, in order.
+
+    which: their rows; since, until: moments at which it enters and leaves, times 3 plus the axis;
+    whole: moments in one direction.
+    """
+
+    which: NDArray[np.int64]
+    since: NDArray[np.object_]
+    until: NDArray[np.object_]
+    whole: int
+
+
+def first_voxels(
+    voxels: NDArray[np.bool_],
+    rays: Rays,
+    size: tuple[int, int],
+    low: Integers = (0, 0, 0),
+    high: Integers | None = None,
+) -> NDArray[np.int32]:
     """Return the first voxel that is inside along each ray.
 
     Planes between voxels are met at moments (see `Rays`), equal ones in the order of their axes,
     x first.  A ray visits the voxels all of whose three entering planes it meets before any of
-    the three leaving ones.  Along an axis on which it stands still a voxel owns its lower face.
+    the three leaving ones; if rays begin, those that it leaves after the moment 0, and after all
+    planes that it meets at that moment.  Along an axis on which it stands still a voxel owns its
+    lower face.
 
     Parameters
     ----------
@@ -21,6 +44,8 @@ def first_voxels(voxels: NDArray[np.bool_], rays: Rays, size: tuple[int, int]) -
     rays : Rays
     size : (int, int)
         Columns and rows.
+    low, high : (3,) int
+        The voxels that are drawn: from *low* to before *high*.
 
     Returns
     -------
@@ -29,38 +54,82 @@ def first_voxels(voxels: NDArray[np.bool_], rays: Rays, size: tuple[int, int]) -
     """
     columns, rows = size
     hits = np.full((rows, columns, 3), -1, np.int32)
-    solid = np.argwhere(voxels)[:, ::-1].astype(object)
+    solid = _drawn(voxels, low, high)
     for row in range(rows):
         for column in range(columns):
-            place = [
-                (at + column * right + row * down) >> rays.fraction
-                for at, right, down in zip(rays.start, rays.right, rays.down, strict=True)
-            ]
-            first = _first(solid, place, rays)
-            if first is not None:
-                hits[row, column] = solid[first]
+            visits = _visits(solid, *_ray(rays, column, row), rays)
+            if len(visits.which):
+                hits[row, column] = solid[visits.which[0]]
     return hits
 
 
-def _first(solid: NDArray[np.object_], place: list[int], rays: Rays) -> int | None:
-    """Which row of *solid* the ray meets first; Python integers, so that nothing overflows."""
+def lengths(
+    voxels: NDArray[np.bool_],
+    rays: Rays,
+    size: tuple[int, int],
+    spacing: tuple[float, float, float],
+    low: Integers = (0, 0, 0),
+    high: Integers | None = None,
+) -> NDArray[np.float64]:
+    """Return how far each ray runs within voxels that are inside, in the unit of *spacing*.
+
+    Parameters as in `first_voxels`.  (rows, columns) float64.
+    """
+    columns, rows = size
+    found = np.zeros((rows, columns))
+    solid = _drawn(voxels, low, high)
+    for row in range(rows):
+        for column in range(columns):
+            place, direction = _ray(rays, column, row)
+            visits = _visits(solid, place, direction, rays)
+            moments = sum(
+                until // 3 - since // 3 for since, until in zip(*visits[1:3], strict=True)
+            )
+            ahead = np.linalg.norm(np.array(direction) * spacing) / 2**rays.bits
+            found[row, column] = float(moments) / visits.whole * ahead
+    return found
+
+
+def _drawn(voxels: NDArray[np.bool_], low: Integers, high: Integers | None) -> NDArray[np.object_]:
+    solid = np.argwhere(voxels)[:, ::-1]
+    kept = (solid >= low).all(axis=1) & (solid < (high or voxels.shape[::-1])).all(axis=1)
+    drawn: NDArray[np.object_] = solid[kept].astype(object)
+    return drawn
+
+
+def _ray(rays: Rays, column: int, row: int) -> tuple[list[int], list[int]]:
+    """Place and direction of a ray."""
+    place = [
+        (at + column * right + row * down) >> rays.fraction
+        for at, right, down in zip(rays.start, rays.right, rays.down, strict=True)
+    ]
+    direction = [
+        (part + column * right + row * down) >> rays.turn
+        for part, right, down in zip(rays.direction, rays.turn_right, rays.turn_down, strict=True)
+    ]
+    return place, direction
+
+
+def _visits(
+    solid: NDArray[np.object_], place: list[int], direction: list[int], rays: Rays
+) -> Visits:
+    """What a ray visits; Python integers, so that nothing overflows."""
     one = 1 << rays.bits
     visited = np.ones(len(solid), bool)
-    entering, leaving = [], []
-    for axis in range(3):
+    whole = int(np.prod([abs(part) for part in direction if part] or [1], dtype=object))
+    entering, leaving = [np.full(len(solid), 2 if rays.begins else -(1 << 200), object)], []
+    for axis, part in enumerate(direction):
         low, high = solid[:, axis] * one - place[axis], (solid[:, axis] + 1) * one - place[axis]
-        part = rays.direction[axis]
         if part == 0:
             visited &= (low <= 0) & (high > 0)
             continue
-        pace = 1
-        for other in range(3):
-            if other != axis and rays.direction[other] != 0:
-                pace *= abs(rays.direction[other])
+        pace = whole // abs(part)
         # A moment and its axis as one integer, in the order of both.
         near, far = (low * pace, high * pace) if part > 0 else (-high * pace, -low * pace)
         entering.append(near * 3 + axis)
         leaving.append(far * 3 + axis)
-    since, until = np.max(entering, axis=0), np.min(leaving, axis=0)
+    since = np.max(np.array(entering), axis=0)
+    until = np.min(np.array(leaving), axis=0) if leaving else since
     (found,) = np.nonzero(visited & (since < until))
-    return int(found[np.argmin(since[found])]) if len(found) else None
+    order = found[np.argsort(since[found], kind="stable")]
+    return Visits(order, since[order], until[order], whole)

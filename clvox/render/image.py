@@ -3,53 +3,70 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from clvox.camera import View
+from clvox.camera import Camera
 from clvox.errors import GridError
 from clvox.models import VoxelModel
-from clvox.ops.raymarch import SIDE, Paint, march_surface, shade_surface
-
-DIRECTION = -0.62, 1.0, -0.72
-"""Where the eye looks by default: from the front, the right, and above."""
-
-COLOUR = 0.26, 0.42, 0.62
-"""Of the surface; linear, as are all colours here."""
-
-SKY_POINTS = 96
-"""Places looked at around a place, to see how much of the sky is hidden there."""
-
-SKY_REACH = 0.05
-"""How far they are away at most, as a part of the grid's longest side."""
+from clvox.ops import raymarch
+from clvox.ops.raymarch import Scene
+from clvox.render.style import Colour, Material, Style, backdrop, check_style, linear, paint_of
 
 MAX_SIDE = 16384
 """Most pixels along a side of a picture."""
 
+MAX_SAMPLES = 8
+
 SAMPLES_PER_LAUNCH = 1 << 18
+
+DARKNESS = 2.5
+"""Optical depth of a cube as large as the box around the model, by default."""
 
 
 def render(
     model: VoxelModel,
     *,
+    camera: Camera | None = None,
     size: tuple[int, int] = (1920, 1080),
-    direction: ArrayLike = DIRECTION,
-    up: ArrayLike = (0.0, 0.0, 1.0),
-    background: tuple[int, int, int] | None = None,
+    style: Style = "surface",
+    background: Colour | None = None,
+    material: Material | None = None,
+    samples: int = 2,
+    occlusion: bool = True,
+    density: float | None = None,
+    absorption: str = "beer",
 ) -> NDArray[np.uint8]:
-    """Return a picture of the surface of a model, seen from far away.
+    """Return a picture of a model.
 
-    The view is orthographic, and as close as the whole solid allows.  Which voxel a ray meets
-    first is exact, and the same on every device; colours may differ by rounding.
+    Rays run through the levels of the model itself.  Which voxel a ray meets first is exact, and
+    the same on every device; colours may differ by rounding.
 
     Parameters
     ----------
     model : VoxelModel
+        With ``attributes=("normals",)`` the surface has the normals of its mesh; otherwise they
+        are derived from the voxels.
+    camera : Camera, optional
+        Where the picture is taken from, and what is cut away; by default ``Camera.around(model)``.
     size : (int, int)
         Columns and rows of pixels, each from 1 to 16384.
-    direction, up : (3,) float
-        Where the eye looks, and what is up.
+    style : "surface", "voxels" or "volume"
+        "surface": the first voxel along each ray that is inside, or that the mesh touches if the
+        model has its normals, lit by Phong's law.  "voxels": their cubes; colours tell voxels that
+        the mesh touches, others that are inside, and cells that are wholly inside.  "volume":
+        light is held back by how far a ray runs inside.
     background : (int, int, int), optional
         Red, green and blue from 0 to 255, in sRGB; by default the background is transparent.
+    material : Material, optional
+    samples : int
+        Rays along the side of a pixel, 1 to 8: more make edges smoother.
+    occlusion : bool
+        Whether hollows, which see little of the sky, are darker.
+    density : float, optional
+        In the style "volume": for each unit of length; by default so that light goes through.
+    absorption : "beer" or "count"
+        In the style "volume": opacity by Beer and Lambert's law, or in proportion to the length
+        inside, as if samples were counted (Young 2017).
 
     Returns
     -------
@@ -59,7 +76,7 @@ def render(
     Raises
     ------
     GridError
-        The size, the direction or the background makes no sense.
+        The size, the style, a colour or a number makes no sense.
 
     Examples
     --------
@@ -69,56 +86,61 @@ def render(
     (48, 64, 4)
     """
     columns, rows = _size(size)
-    paint = Paint(COLOUR, _background(background), _offsets(model))
-    samples = columns * SIDE, rows * SIDE
-    grid = model.grid
-    view = View.fit(_box(model), grid.shape, grid.spacing, samples, direction=direction, up=up)
+    style = check_style(style)
+    if not isinstance(samples, int | np.integer) or not 1 <= samples <= MAX_SAMPLES:
+        raise GridError(f"samples must be an integer from 1 to {MAX_SAMPLES}, got {samples!r}")
+    if absorption not in ("beer", "count"):
+        raise GridError(f"absorption must be 'beer' or 'count', got {absorption!r}")
+    material = material or Material()
+    camera = camera or Camera.around(model, aspect=columns / rows)
+    fine = columns * int(samples), rows * int(samples)
+    view = camera.view(model.grid, fine)
+    paint = paint_of(material, style, background, model.grid, occlusion=occlusion)
+    dense = _density(model, density)
+    colours = linear("", material.thin_color), linear("", material.thick_color)
     # What a model holds is for the modules below; a picture reads it as the model itself does.
-    session, arrays = model._session, model._arrays  # noqa: SLF001
+    session, scene = model._session, _scene(model, style)  # noqa: SLF001
     image = np.empty((rows, columns, 4), np.uint8)
-    band = max(1, SAMPLES_PER_LAUNCH // (samples[0] * SIDE))
+    band = max(1, SAMPLES_PER_LAUNCH // (fine[0] * samples))
     for row in range(0, rows, band):
         count = min(band, rows - row)
-        rays = view.rays.below(row * SIDE)
-        hits = march_surface(session, arrays, rays, (samples[0], count * SIDE))
-        pixels = shade_surface(session, arrays, view, grid.spacing, hits, rays, paint)
+        rays, part = view.rays.below(row * samples), (fine[0], count * samples)
+        if style == "volume":
+            lengths = raymarch.measure_lengths(session, scene, view, rays, part)
+            pixels = raymarch.shade_volume(
+                session,
+                lengths,
+                samples,
+                colours,
+                dense,
+                counted=absorption == "count",
+                background=backdrop(background),
+            )
+        else:
+            hits = raymarch.march(session, scene, view, rays, part)
+            pixels = raymarch.shade(session, scene, view, rays, hits, samples, paint)
         image[row : row + count] = pixels.get()
     return image
 
 
-def _box(model: VoxelModel) -> NDArray[np.float64]:
-    """The part of the grid to look at, in voxels: where there are cells that are not empty."""
-    shape = np.array(model.grid.shape, dtype=np.float64)
-    whole = np.stack([np.zeros(3), shape])
-    if len(model.levels) == 1:
-        return whole
-    occupied = model.to_array(level=0) != 0
-    if not occupied.any():
-        return whole
-    low, high = [], []
-    for axis in (2, 1, 0):
-        others = tuple({0, 1, 2} - {axis})
-        (found,) = np.nonzero(occupied.any(axis=others))
-        low.append(found[0])
-        high.append(found[-1] + 1)
-    cell = np.prod(model.levels[1:], axis=0)
-    box: NDArray[np.float64] = np.minimum(np.array([low, high]) * cell, shape)
-    return box
+def _scene(model: VoxelModel, style: Style) -> Scene:
+    arrays, spacing = model._arrays, model.grid.spacing  # noqa: SLF001
+    kept = model._attributes  # noqa: SLF001
+    if kept is None or style == "volume" or (style == "surface" and kept.normals is None):
+        return Scene(arrays, spacing)
+    ((surface, _),) = model._surfaces  # noqa: SLF001
+    a, b, c = (surface.vertices[surface.faces[:, corner]] for corner in range(3))
+    inwards = float(np.einsum("ij,ij->", a - a.mean(axis=0), np.cross(b, c))) < 0
+    return Scene(arrays, spacing, kept.touched, kept.normals, -1 if inwards else 1)
 
 
-def _offsets(model: VoxelModel) -> NDArray[np.float32]:
-    """Places in a ball, in voxels, spread evenly over directions and distances."""
-    number = np.arange(SKY_POINTS) + 0.5
-    z = 1 - 2 * number / SKY_POINTS
-    turn = number * np.pi * (3 - np.sqrt(5.0))
-    ring = np.sqrt(1 - z * z)
-    directions = np.stack([ring * np.cos(turn), ring * np.sin(turn), z], axis=1)
-    # The golden ratio once more, so that distance and direction do not go together.
-    distance = (number * (np.sqrt(5.0) - 1) / 2) % 1
-    widths = np.array(model.grid.spacing)
-    reach = max(SKY_REACH * float((widths * model.grid.shape).max()), 3 * float(widths.max()))
-    offsets: NDArray[np.float32] = (directions * reach * distance[:, None] / widths).astype("f4")
-    return offsets
+def _density(model: VoxelModel, density: float | None) -> float:
+    if density is None:
+        low, high = model.bounds
+        return DARKNESS / float(np.prod(high - low) ** (1 / 3))
+    if not isinstance(density, int | float) or not 0 <= density < float("inf"):
+        raise GridError(f"density must be a number, 0 or more, got {density!r}")
+    return float(density)
 
 
 def _size(size: tuple[int, int]) -> tuple[int, int]:
@@ -129,17 +151,3 @@ def _size(size: tuple[int, int]) -> tuple[int, int]:
         raise GridError(f"size must be from 1 to {MAX_SIDE} pixels a side, got {size!r}")
     columns, rows = numbers.tolist()
     return columns, rows
-
-
-def _background(colour: tuple[int, int, int] | None) -> tuple[float, float, float, float]:
-    if colour is None:
-        return 0.0, 0.0, 0.0, 0.0
-    numbers = np.asarray(colour)
-    if numbers.shape != (3,) or numbers.dtype.kind not in "iu":
-        raise GridError(f"background must be three integers, got {colour!r}")
-    if numbers.min() < 0 or numbers.max() > 255:
-        raise GridError(f"background must be from 0 to 255, got {colour!r}")
-    part = numbers / 255
-    linear = np.where(part <= 0.04045, part / 12.92, ((part + 0.055) / 1.055) ** 2.4)
-    red, green, blue = linear.tolist()
-    return red, green, blue, 1.0

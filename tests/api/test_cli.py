@@ -230,6 +230,10 @@ def test_saved_models_are_read(
         np.testing.assert_array_equal(
             np.asarray(image), clvox.render(clvox.open(voxels), size=(64, 48))
         )
+    style = ["--style", "volume", "--size", "40x30"]
+    assert main(["render", str(ball), "-r", "24", "-o", str(picture), *style]) == 0
+    with Image.open(picture) as image:
+        assert np.ptp(np.asarray(image)[..., 3]) > 100
 
 
 def test_demo(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from importlib import import_module
 from typing import Any
 
@@ -10,13 +9,13 @@ import numpy as np
 import pytest
 import trimesh
 from numpy.typing import NDArray
+from PIL import Image
 
 import clvox
-from clvox.camera import View
-from clvox.ops.raymarch import SIDE, Paint, march_surface, shade_surface
+from clvox.ops.raymarch import Scene, measure_lengths
+from clvox.reference.raymarch import lengths
 
 SIZE = 96, 72
-PAINT = Paint((0.3, 0.5, 0.7), (0.0, 0.0, 0.0, 0.0), np.ones((4, 3), np.float32))
 
 
 @pytest.fixture(scope="module")
@@ -29,6 +28,12 @@ def box_model(**options: Any) -> clvox.VoxelModel:
     voxels = np.zeros((40, 48, 56), bool)
     voxels[16:22, 8:18, 24:44] = True
     return clvox.VoxelModel.from_array(voxels, clvox.Grid((5, 5, 5), 0.5, (56, 48, 40)), **options)
+
+
+def seen(model: clvox.VoxelModel, size: tuple[int, int], **options: Any) -> NDArray[np.uint8]:
+    """A picture from a camera that these options describe."""
+    camera = clvox.Camera.around(model, aspect=size[0] / size[1], **options)
+    return clvox.render(model, camera=camera, size=size)
 
 
 def opaque(image: NDArray[np.uint8]) -> NDArray[np.bool_]:
@@ -45,7 +50,7 @@ def test_picture_is_an_array_of_rows_of_pixels(ball: clvox.VoxelModel) -> None:
 def test_ball_is_round_centred_and_fills_the_picture(ball: clvox.VoxelModel) -> None:
     """From wherever it is seen."""
     for direction in ((-0.6, 1, -0.7), (1, 0, 0), (0, -1, 0), (0.3, 0.2, 0.9)):
-        covered = opaque(clvox.render(ball, size=(80, 80), direction=direction, up=(0.1, 0.2, 1)))
+        covered = opaque(seen(ball, (80, 80), direction=direction, up=(0.1, 0.2, 1), parallel=True))
         rows, columns = np.nonzero(covered)
         assert abs(rows.mean() - 39.5) < 0.6
         assert abs(columns.mean() - 39.5) < 0.6
@@ -73,7 +78,7 @@ def test_ball_has_no_speckle(ball: clvox.VoxelModel) -> None:
 
 
 def test_view_is_of_the_solid_and_not_of_its_grid() -> None:
-    image = clvox.render(box_model(), size=SIZE, direction=(0, 0, -1), up=(0, 1, 0))
+    image = seen(box_model(), SIZE, direction=(0, 0, -1), up=(0, 1, 0), parallel=True)
     rows, columns = np.nonzero(opaque(image))
     assert np.ptp(columns) + 1 > 0.6 * SIZE[0]
     assert np.ptp(rows) + 1 == pytest.approx((np.ptp(columns) + 1) / 2, abs=2)
@@ -136,10 +141,10 @@ def test_one_voxel_is_drawn() -> None:
         ({"size": (10, 20000)}, "size must be from 1 to 16384"),
         ({"size": 10}, "size must be two integers, columns and rows, got 10"),
         ({"size": (1.5, 2.0)}, "size must be two integers"),
-        ({"direction": (0, 0, 0)}, "direction must be three finite numbers, not all 0"),
-        ({"direction": (1, 0, np.nan)}, "direction must be three finite numbers"),
-        ({"direction": (0, 0, -1)}, "up must not be parallel to the direction (0, 0, -1)"),
-        ({"up": "z"}, "up must be three finite numbers, not all 0, got 'z'"),
+        ({"style": "shiny"}, "style must be one of 'surface', 'voxels', 'volume', got 'shiny'"),
+        ({"samples": 0}, "samples must be an integer from 1 to 8, got 0"),
+        ({"absorption": "none"}, "absorption must be 'beer' or 'count', got 'none'"),
+        ({"density": -1}, "density must be a number, 0 or more, got -1"),
         ({"background": (0, 0, 256)}, "background must be from 0 to 255"),
         ({"background": (0, 0)}, "background must be three integers, got (0, 0)"),
     ],
@@ -159,26 +164,151 @@ def test_voxels_too_unequal_to_draw_are_refused() -> None:
         clvox.render(model, size=SIZE)
 
 
-def test_opacity_is_the_share_of_rays_that_hit() -> None:
-    """And without a hit there is no colour at all."""
-    rng = np.random.default_rng(4)
-    voxels = rng.random((6, 7, 8)) < 0.3
-    grid = clvox.Grid((0, 0, 0), 1.0, (8, 7, 6))
-    model = clvox.VoxelModel.from_array(voxels, grid, levels=[(2, 2, 2), (4, 4, 4)])
-    session, arrays = model._session, model._arrays
-    size = SIDE * SIZE[0], SIDE * SIZE[1]
-    view = View.fit(
-        [(0, 0, 0), (8, 7, 6)], (8, 7, 6), (1, 1, 1), size, direction=(-1, 2, -1), up=(0, 0, 1)
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: clvox.Camera((0, 0, 0), (0, 0, 0)), "eye and target must differ"),
+        (lambda: clvox.Camera((0, 0, 5), (0, 0, 0)), "up must not be parallel to the view"),
+        (lambda: camera(target="here"), "target must be three finite numbers, got 'here'"),
+        (lambda: camera(fov=0), "fov must be a number above 0 and below 170, got 0"),
+        (lambda: camera(height=-1), "height must be a number above 0, got -1"),
+        (lambda: camera(fov=30, height=1), "give fov= (degrees) or height="),
+        (lambda: camera(near=-1), "near must be a length, 0 or more, got -1"),
+        (lambda: camera(box=((1, 1, 1), (0, 0, 0))), "box must be a lowest and a highest corner"),
+        (lambda: around(direction=(0, 0, 0)), "direction must be three finite numbers, not all 0"),
+        (lambda: around(direction=(1, 0, np.nan)), "direction must be three finite numbers"),
+        (lambda: around(direction=(0, 0, -1)), "up must not be parallel to the view"),
+        (lambda: around(up="z"), "up must be three finite numbers, got 'z'"),
+        (lambda: clvox.Material(color=(0, 0, 300)), "color must be from 0 to 255"),
+        (lambda: clvox.Material(diffuse=-1), "diffuse must be a number, 0 or more, got -1"),
+    ],
+)
+def test_cameras_and_materials_that_make_no_sense_are_refused(make: Any, message: str) -> None:
+    with pytest.raises(clvox.GridError) as refused:
+        make()
+    assert message in str(refused.value)
+
+
+def camera(**options: Any) -> clvox.Camera:
+    return clvox.Camera((0, -30, 10), **{"target": (0, 0, 0), **options})
+
+
+def around(**options: Any) -> clvox.Camera:
+    return clvox.Camera.around(clvox.Grid((0, 0, 0), 1.0, (2, 2, 2)), **options)
+
+
+def test_perspective_makes_near_things_larger() -> None:
+    """The front of a box is wider than its back, and with parallel rays it is not."""
+    model = box_model()
+    middle = model.bounds.mean(axis=0)
+    eye = middle + np.array([0, -14, 14])
+    lenses: tuple[tuple[Any, bool], ...] = (({"fov": 50.0}, True), ({"height": 14.0}, False))
+    for lens, larger in lenses:
+        looking = clvox.Camera(tuple(eye), tuple(middle), **lens)
+        widths = opaque(clvox.render(model, camera=looking, size=SIZE)).sum(axis=1)
+        (rows,) = np.nonzero(widths)
+        top, bottom = widths[rows[0] + 2], widths[rows[-1] - 2]
+        assert (bottom > 1.05 * top) == larger
+
+
+def test_a_box_cuts_a_model_open() -> None:
+    """Half of it is gone, and what the cut shows has its own colour and is flat."""
+    model = box_model()
+    low, high = model.bounds
+    looking = clvox.Camera.around(model, direction=(-1, 0.2, -0.2), parallel=True)
+    half = tuple(low), ((low[0] + high[0]) / 2, high[1], high[2])
+    opened = clvox.Camera(looking.eye, looking.target, height=looking.height, box=half)
+    options: dict[str, Any] = {"size": SIZE, "occlusion": False}
+    material = clvox.Material(color=(0, 0, 255), cut_color=(255, 0, 0))
+    whole = clvox.render(model, camera=looking, material=material, **options)
+    cut = clvox.render(model, camera=opened, material=material, **options)
+    assert 0.3 < opaque(cut).sum() / opaque(whole).sum() < 0.95
+    red = opaque(cut) & (cut[..., 0] > cut[..., 2])
+    assert red.sum() > 200
+    off = np.abs(cut[red].astype(int) - np.median(cut[red], axis=0)).max(axis=1)
+    assert (off < 30).mean() > 0.7
+    assert not (opaque(whole) & (whole[..., 0] > whole[..., 2])).any()
+
+
+def test_a_near_plane_opens_what_it_runs_through(ball: clvox.VoxelModel) -> None:
+    looking = clvox.Camera((0, -5, 0), (0, 0, 0), height=3.0)
+    opened = clvox.Camera((0, -5, 0), (0, 0, 0), height=3.0, near=5.0)
+    material = clvox.Material(color=(0, 0, 255), cut_color=(255, 0, 0))
+    pictures = [
+        clvox.render(ball, camera=view, size=SIZE, material=material) for view in (looking, opened)
+    ]
+    first, second = (opaque(picture).sum() for picture in pictures)
+    np.testing.assert_allclose(first, second, rtol=0.03)
+    assert pictures[0][36, 48, 2] > pictures[0][36, 48, 0]
+    assert pictures[1][36, 48, 0] > pictures[1][36, 48, 2]
+
+
+def test_voxels_are_told_apart_by_what_they_are() -> None:
+    """On a section: touched ones around, those inside, and cells in the middle."""
+    sphere = trimesh.creation.icosphere(radius=1.0)
+    model = clvox.voxelize(sphere, resolution=48, attributes=("edge",))
+    half = (-1, -1, -1), (1, 0, 1)
+    looking = clvox.Camera((0, 5, 0), (0, 0, 0), height=2.4, box=half)
+    image = clvox.render(
+        model, camera=looking, size=(200, 200), style="voxels", samples=1, occlusion=False
     )
-    hits = march_surface(session, arrays, view.rays, size)
-    pixels = shade_surface(session, arrays, view, (1.0, 1.0, 1.0), hits, view.rays, PAINT).get()
-    covered = hits.get()[..., 0] >= 0
-    share = covered.reshape(SIZE[1], SIDE, SIZE[0], SIDE).mean(axis=(1, 3))
-    np.testing.assert_array_equal(pixels[..., 3], np.rint(255 * share))
-    assert 0 < share.mean() < 1
-    assert (pixels[share == 0, :3] == 0).all()
-    assert (pixels[share > 0, :3] > 0).any(axis=-1).all()
-    paper = replace(PAINT, background=(1.0, 1.0, 1.0, 1.0))
-    pixels = shade_surface(session, arrays, view, (1.0, 1.0, 1.0), hits, view.rays, paper).get()
-    assert (pixels[..., 3] == 255).all()
-    assert (pixels[share == 0] == 255).all()
+    assert len({tuple(pixel) for pixel in image[opaque(image)] // 24}) >= 3
+    middle = image[100, 100].astype(int)
+    assert middle[2] > middle[0]
+    rim = image[100][opaque(image)[100]].astype(int)
+    assert rim[0, 0] > rim[0, 2]
+    assert rim[-1, 0] > rim[-1, 2]
+
+
+def test_volume_of_a_ball_is_darkest_in_the_middle(ball: clvox.VoxelModel) -> None:
+    image = clvox.render(ball, size=(80, 80), style="volume").astype(int)
+    assert image[40, 40, 3] > image[40, 24, 3] > image[40, 18, 3]
+    more = clvox.render(ball, size=(80, 80), style="volume", density=9.0).astype(int)
+    assert more[40, 40, 3] > image[40, 40, 3]
+
+
+def test_lengths_are_those_of_the_solid(ball: clvox.VoxelModel) -> None:
+    """Chords of a ball, up to its voxels; and of the voxels themselves, exactly."""
+    looking = clvox.Camera((3, -4, 2), (0, 0, 0), height=2.0)
+    view = looking.view(ball.grid, (9, 9))
+    scene = Scene(ball._arrays, ball.grid.spacing)
+    got = measure_lengths(ball._session, scene, view, view.rays, (9, 9)).get()
+    expected = lengths(ball.to_array(), view.rays, (9, 9), ball.grid.spacing)
+    np.testing.assert_allclose(got, expected, atol=1e-5 * np.sqrt(12))
+    place = (np.arange(9) - 4) * 2 / 9
+    square = 1 - place[:, None] ** 2 - place**2
+    chords = 2 * np.sqrt(np.maximum(square, 0))
+    assert np.abs(got - chords)[square > 0.1].max() < 0.1
+
+
+def test_normals_of_the_mesh_make_no_speckle() -> None:
+    sphere = trimesh.creation.icosphere(radius=1.0, subdivisions=5)
+    model = clvox.voxelize(sphere, resolution=64, attributes=("normals",))
+    middle = clvox.render(model, size=(160, 160)).astype(float)[50:110, 50:110, :3]
+    assert np.abs(np.diff(middle, axis=0)).max() < 30
+    assert np.abs(np.diff(middle, axis=1)).mean() < 3
+    inside_out = sphere.copy()
+    inside_out.invert()
+    other = clvox.voxelize(inside_out, resolution=64, attributes=("normals",))
+    again = clvox.render(other, size=(160, 160)).astype(float)[50:110, 50:110, :3]
+    np.testing.assert_allclose(again, middle, atol=2)
+
+
+def test_notebooks_show_a_picture(ball: clvox.VoxelModel) -> None:
+    assert ball._repr_png_().startswith(b"\x89PNG")
+
+
+def test_turntable_is_an_animation(ball: clvox.VoxelModel, tmp_path: Any) -> None:
+    path = tmp_path / "ball.gif"
+    clvox.turntable(ball, path, frames=4, size=(40, 30))
+    with Image.open(path) as pictures:
+        assert getattr(pictures, "n_frames", 1) == 4
+        assert pictures.size == (40, 30)
+    with pytest.raises(clvox.GridError, match="frames must be at least 2"):
+        clvox.turntable(ball, path, frames=1)
+
+
+def test_a_camera_walks_around_its_target() -> None:
+    first = clvox.Camera((3, 0, 4), (0, 0, 1), fov=30)
+    np.testing.assert_allclose(first.turned(90).eye, (0, 3, 4), atol=1e-12)
+    np.testing.assert_allclose(first.turned(360).eye, first.eye, atol=1e-12)

@@ -1,6 +1,9 @@
-"""The first voxel along each ray, against a look at all voxels."""
+"""What rays meet, and how far they run inside, against a look at all voxels."""
 
 from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -8,24 +11,18 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from clvox.camera import Rays, View
+from clvox.camera import Camera, Rays, View
 from clvox.device import Session
-from clvox.grid import Shape
+from clvox.errors import GridError
+from clvox.grid import Grid, Shape
 from clvox.ops.layout import Cells, VoxelArrays, cell_shape
-from clvox.ops.raymarch import march_surface
+from clvox.ops.raymarch import Scene, march, measure_lengths
 from clvox.reference.multilevel import pack_bits, pack_bricks, rank
-from clvox.reference.raymarch import first_voxels
+from clvox.reference.raymarch import first_voxels, lengths
 
 SIZE = 11, 9
-
-
-@pytest.fixture(autouse=True)
-def optimised(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Oclgrind crashes on this kernel unless it is optimised, on others if they are."""
-    monkeypatch.delenv("PYOPENCL_BUILD_OPTIONS", raising=False)
-
-
 BRICKS = (8, 8, 8), (2, 4, 3), (3, 5, 2), (4, 4, 4)
+ONES = 1.0, 1.0, 1.0
 
 
 def solid(rng: np.random.Generator) -> NDArray[np.bool_]:
@@ -74,8 +71,38 @@ def shape_of(voxels: NDArray[np.bool_]) -> Shape:
     return nx, ny, nz
 
 
-@given(seed=st.integers(0, 2**32 - 1))
-def test_rays_through_edges_and_corners(session: Session, seed: int) -> None:
+def view_of(rays: Rays, shape: Shape, low: Shape = (0, 0, 0), high: Shape | None = None) -> View:
+    """A view of which only the rays and the voxels that are drawn matter."""
+    nothing = np.zeros(3)
+    return View(rays, nothing, nothing, nothing, low, high or shape, (1.0, 0.0), 0.0)
+
+
+def check_rays(
+    session: Session,
+    voxels: NDArray[np.bool_],
+    view: View,
+    rng: np.random.Generator,
+    spacing: tuple[float, float, float] = ONES,
+) -> NDArray[np.int32]:
+    """Compare both kernels with their twins, on a model of one level and on one of two."""
+    rays, box = view.rays, (view.low, view.high)
+    expected = first_voxels(voxels, rays, SIZE, *box)
+    within = lengths(voxels, rays, SIZE, spacing, *box)
+    diagonal = float(np.linalg.norm(np.array(shape_of(voxels)) * spacing))
+    for arrays in models(session, voxels, rng):
+        scene = Scene(arrays, spacing)
+        hits = march(session, scene, view, rays, SIZE)
+        np.testing.assert_array_equal(hits.voxels.get()[..., :3], expected)
+        np.testing.assert_array_equal(np.isfinite(hits.far.get()), expected[..., 0] >= 0)
+        got = measure_lengths(session, scene, view, rays, SIZE).get()
+        np.testing.assert_allclose(got, within, rtol=0, atol=1e-5 * diagonal)
+    return expected
+
+
+@given(seed=st.integers(0, 2**32 - 1), begins=st.booleans(), turning=st.booleans())
+def test_rays_through_edges_and_corners(
+    session: Session, seed: int, begins: bool, turning: bool
+) -> None:
     """Places and directions are small integers, so that rays run through edges all the time."""
     rng = np.random.default_rng(seed)
     voxels = solid(rng)
@@ -83,39 +110,50 @@ def test_rays_through_edges_and_corners(session: Session, seed: int) -> None:
     direction[rng.integers(3)] = rng.choice([-1, 1])
     triples = [direction, *(8 * rng.integers(-2, 3, (2, 3))), 8 * rng.integers(-8, 20, 3)]
     ahead, right, down, start = ((int(x), int(y), int(z)) for x, y, z in triples)
-    rays = Rays(4, 0, 1 << 20, ahead, start, right, down)
-    expected = first_voxels(voxels, rays, SIZE)
-    for arrays in models(session, voxels, rng):
-        np.testing.assert_array_equal(march_surface(session, arrays, rays, SIZE).get(), expected)
+    rays = Rays(4, 0, 1 << 20, ahead, start, right, down, begins=begins)
+    if turning:
+        turns = rng.integers(-1, 2, (2, 3)).tolist()
+        # Every other ray has half a step more, and no ray stands still along all axes.
+        turn_right, turn_down = ((int(x), int(y), 0) for x, y, _ in turns)
+        ahead = 2 * ahead[0], 2 * ahead[1], 2 * (ahead[2] or 1)
+        rays = replace(rays, turn=1, direction=ahead, turn_right=turn_right, turn_down=turn_down)
+    shape = shape_of(voxels)
+    low = rng.integers(0, np.array(shape) + 1)
+    high = rng.integers(low, np.array(shape) + 1)
+    box = ((0, 0, 0), shape) if rng.random() < 0.5 else (tuple(low.tolist()), tuple(high.tolist()))
+    check_rays(session, voxels, view_of(rays, shape, *box), rng)
 
 
 @given(seed=st.integers(0, 2**32 - 1))
-def test_rays_of_views(session: Session, seed: int) -> None:
-    """As pictures are taken: from anywhere, also along an axis, with unequal spacings."""
+def test_rays_of_cameras(session: Session, seed: int) -> None:
+    """From anywhere, also from within, along an axis, through a box, with unequal spacings."""
     rng = np.random.default_rng(seed)
     voxels = solid(rng)
     shape = shape_of(voxels)
-    axis = np.eye(3)[rng.integers(3)] * rng.choice([-1, 1])
-    direction = rng.normal(size=3) if rng.random() < 0.7 else axis
-    spacing = rng.choice([0.1, 1.0, 3.0], 3)
-    view = View.fit(
-        [(0, 0, 0), shape], shape, spacing, SIZE, direction=direction, up=rng.normal(size=3)
-    )
-    expected = first_voxels(voxels, view.rays, SIZE)
-    for arrays in models(session, voxels, rng):
-        got = march_surface(session, arrays, view.rays, SIZE).get()
-        np.testing.assert_array_equal(got, expected)
+    spacing = tuple(rng.choice([0.1, 1.0, 3.0], 3).tolist())
+    grid = Grid(rng.normal(size=3), spacing, shape)
+    low, high = grid.bounds
+    target = rng.uniform(low, high)
+    if rng.random() < 0.3:
+        axis = np.eye(3)[rng.integers(3)] * rng.choice([-1, 1])
+        eye = target + axis * np.linalg.norm(high - low) * rng.choice([0.1, 3.0])
+    else:
+        eye = rng.uniform(low - (high - low), high + (high - low))
+    box = None if rng.random() < 0.5 else np.sort(rng.uniform(low, high, (2, 3)), axis=0)
+    lens = {"fov": 70.0} if rng.random() < 0.6 else {"height": float((high - low).max())}
+    camera = Camera(eye, target, rng.normal(size=3), box=box, **lens)  # type: ignore[arg-type]
+    check_rays(session, voxels, camera.view(grid, SIZE), rng, grid.spacing)
 
 
-def test_most_rays_of_a_view_of_a_full_box_hit(session: Session) -> None:
+@pytest.mark.parametrize("lens", [{"fov": 40.0}, {"height": 8.0}])
+def test_most_rays_of_a_view_of_a_full_box_hit(session: Session, lens: Any) -> None:
     """Two programs that never find anything would agree, too."""
     voxels = np.ones((4, 5, 6), bool)
-    rays = View.fit(
-        [(0, 0, 0), (6, 5, 4)], (6, 5, 4), (1, 1, 1), SIZE, direction=(-1, 2, -1), up=(0, 0, 1)
-    ).rays
-    hits = march_surface(session, two_levels(session, voxels, (8, 8, 8)), rays, SIZE).get()
-    assert (hits[..., 0] >= 0).mean() > 0.4
-    assert (hits[0, 0] == -1).all()
+    camera = Camera.around(Grid((0, 0, 0), 1.0, (6, 5, 4)), aspect=SIZE[0] / SIZE[1])
+    camera = Camera(camera.eye, camera.target, camera.up, **lens)
+    view = camera.view(Grid((0, 0, 0), 1.0, (6, 5, 4)), SIZE)
+    hits = check_rays(session, voxels, view, np.random.default_rng(1))
+    assert 0.1 < (hits[..., 0] >= 0).mean() < 0.9
 
 
 @pytest.mark.parametrize("size", [(0, 5), (1, 1), (7, 9), (8, 8), (13, 5)])
@@ -123,28 +161,30 @@ def test_any_number_of_rays(session: Session, size: tuple[int, int]) -> None:
     """None, one, and one below, at and above that of a work-group."""
     voxels = np.ones((2, 2, 2), bool)
     rays = Rays(4, 0, 1 << 20, (1, 3, 2), (-40, 3, 5), (3, 1, 0), (0, 2, 3))
-    hits = march_surface(session, dense(session, voxels), rays, size).get()
+    scene, view = Scene(dense(session, voxels), ONES), view_of(rays, (2, 2, 2))
+    hits = march(session, scene, view, rays, size).voxels.get()[..., :3]
     np.testing.assert_array_equal(hits, first_voxels(voxels, rays, size))
+    within = measure_lengths(session, scene, view, rays, size).get()
+    np.testing.assert_allclose(within, lengths(voxels, rays, size, ONES), atol=1e-5)
 
 
 def test_rays_far_off_miss(session: Session) -> None:
     """Their moments would not fit; nothing may come of it but a miss."""
     voxels = np.ones((2, 2, 2), bool)
     rays = Rays(16, 0, 1 << 30, (1 << 17, 3, 5), (0, 1 << 60, 0), (0, 1 << 50, 0), (0, 0, 1))
-    hits = march_surface(session, two_levels(session, voxels, (2, 2, 2)), rays, SIZE).get()
-    assert (hits == -1).all()
+    scene = Scene(two_levels(session, voxels, (2, 2, 2)), ONES)
+    hits = march(session, scene, view_of(rays, (2, 2, 2)), rays, SIZE)
+    assert (hits.voxels.get()[..., :3] == -1).all()
 
 
 def test_voxels_beyond_the_grid_are_never_met(session: Session) -> None:
     """A cell that is wholly inside may reach beyond the grid."""
     voxels = np.ones((9, 9, 9), bool)
-    arrays = two_levels(session, voxels, (8, 8, 8))
+    grid = Grid((0, 0, 0), 1.0, (9, 9, 9))
+    scene = Scene(two_levels(session, voxels, (8, 8, 8)), ONES)
     for direction in ((-1, -1, -1), (1, -1, 2), (-3, 1, 1), (0, 0, -1)):
-        rays = View.fit(
-            [(0, 0, 0), (9, 9, 9)], (9, 9, 9), (1, 1, 1), SIZE, direction=direction, up=(0, 1, 0)
-        ).rays
-        hits = march_surface(session, arrays, rays, SIZE).get()
-        assert hits.max() == 8
+        view = Camera.around(grid, direction=direction, up=(0, 1, 0)).view(grid, SIZE)
+        assert march(session, scene, view, view.rays, SIZE).voxels.get()[..., :3].max() == 8
 
 
 @given(
@@ -152,28 +192,46 @@ def test_voxels_beyond_the_grid_are_never_met(session: Session) -> None:
     spacing=st.tuples(*[st.sampled_from([0.01, 1.0, 5.0])] * 3),
     direction=st.tuples(*[st.floats(-1, 1)] * 3).filter(lambda d: max(map(abs, d)) > 1e-3),
     size=st.sampled_from([(1, 1), (3840, 2160), (32768, 2), (2, 32768)]),
+    parallel=st.booleans(),
 )
 @settings(max_examples=200)
 def test_moments_fit_into_64_bits(
-    shape: Shape, spacing: tuple[float, ...], direction: tuple[float, ...], size: tuple[int, int]
+    shape: Shape,
+    spacing: tuple[float, float, float],
+    direction: tuple[float, ...],
+    size: tuple[int, int],
+    parallel: bool,
 ) -> None:
     """Of every ray that is followed, at all planes of the grid and of a cell beyond it."""
     up = (0.3, 0.5, 0.7)
     if np.linalg.norm(np.cross(direction, up)) < 1e-2:
         up = (0.7, 0.5, 0.3)
-    rays = View.fit([(0, 0, 0), shape], shape, spacing, size, direction=direction, up=up).rays
-    parts = [max(1, abs(part)) for part in rays.direction]
+    grid = Grid((0, 0, 0), spacing, shape)
+    camera = Camera.around(
+        grid, direction=direction, up=up, parallel=parallel, aspect=size[0] / size[1]
+    )
+    try:
+        rays = camera.view(grid, size).rays
+    except GridError:
+        # Refused, since 64 bits would not do: voxels or pictures hundreds of times as wide as high.
+        extents = np.array(shape) * spacing
+        assert extents.max() > 100 * extents.min() or max(size) > 100 * min(size)
+        return
+    widest = []
+    corners = [(u, v) for u in (0, size[0]) for v in (0, size[1])]
     for axis in range(3):
-        pace = parts[0] * parts[1] * parts[2] // parts[axis]
-        ends = [
-            rays.start[axis] + u * rays.right[axis] + v * rays.down[axis]
-            for u in (0, size[0])
-            for v in (0, size[1])
+        parts = [
+            rays.direction[axis] + u * rays.turn_right[axis] + v * rays.turn_down[axis]
+            for u, v in corners
         ]
-        assert max(map(abs, ends)) < 2**63
-        # A place, mirrored or not, and the planes of the padded grid and of one more cell.
-        farthest = rays.reach + ((shape[axis] + 3 * 64) << rays.bits)
-        assert farthest * pace < 2**63
+        starts = [rays.start[axis] + u * rays.right[axis] + v * rays.down[axis] for u, v in corners]
+        assert max(map(abs, starts + parts)) < 2**63
+        widest.append(max(map(abs, parts)) >> rays.turn)
         # A ray through the middle of the grid is followed.
         middle = rays.start[axis] + size[0] // 2 * rays.right[axis] + size[1] // 2 * rays.down[axis]
         assert abs(middle >> rays.fraction) < rays.reach
+    for axis in range(3):
+        others = [max(1, part + 1) for other, part in enumerate(widest) if other != axis]
+        # A place, mirrored or not, and the planes of the padded grid and of one more cell.
+        farthest = rays.reach + ((shape[axis] + 3 * 64) << rays.bits)
+        assert farthest * others[0] * others[1] < 2**63

@@ -1,0 +1,40 @@
+/*
+ * raymarch/colours.h: from linear light to the bytes of a picture.
+ *
+ * Sums are of (red, green, blue) times opacity, and opacity.
+ */
+#ifndef CLVOX_COLOURS_H
+#define CLVOX_COLOURS_H
+
+/* A colour of some opacity in front of the background, which brings its own as w. */
+static inline float4 over(const float4 background, const float4 colour, const float opacity)
+{
+    const float behind = background.w * (1.0f - opacity);
+    return (float4)(colour.x * opacity + background.x * behind,
+                    colour.y * opacity + background.y * behind,
+                    colour.z * opacity + background.z * behind, opacity + behind);
+}
+
+static inline uchar to_byte(const float part)
+{
+    return convert_uchar_sat_rte(part * 255.0f);
+}
+
+static inline uchar to_srgb(const float linear)
+{
+    const float value = clamp(linear, 0.0f, 1.0f);
+    return to_byte(value <= 0.0031308f ? value * 12.92f
+                                       : 1.055f * powr(value, 1.0f / 2.4f) - 0.055f);
+}
+
+/* pixel: four bytes, sRGB and opacity, not multiplied into them. */
+static inline void store_pixel(__global uchar *pixel, const float4 sum)
+{
+    const float share = 1.0f / fmax(sum.w, 1e-6f);
+    pixel[0] = to_srgb(sum.x * share);
+    pixel[1] = to_srgb(sum.y * share);
+    pixel[2] = to_srgb(sum.z * share);
+    pixel[3] = to_byte(sum.w);
+}
+
+#endif

@@ -1,0 +1,309 @@
+/*
+ * raymarch/shade.cl: the colour of the voxels that rays meet.
+ *
+ * The normal of a voxel that the mesh touches is that of the mesh, if the model keeps it, and
+ * between the middles of voxels it turns from one to the next.  Otherwise it is derived from the
+ * voxels around the place where a ray comes in: weighted by their distance from that place, not
+ * from a voxel's centre, so that it turns smoothly from voxel to voxel.
+ *
+ * Host:       clvox/ops/raymarch.py, shade()
+ * Reference:  clvox/reference/raymarch.py, first_voxels(), says where colour is; colours may differ
+ *             from device to device
+ * Tests:      tests/kernels/test_shade.py, tests/api/test_render.py
+ * Defines:    LEVELS, RULE, BRICK_*, MIDDLE_*  (common/model.h)
+ *             SAMPLES  along the side of a pixel
+ *             WINDOW   voxels looked at on each side of a place
+ *             STORED   1: there are normals; 0: they are derived
+ *             LINES    1: faces of voxels are shown, and their edges drawn
+ *             LIGHTS   number of lights
+ * Source:     G. Young, "Multi-level voxel representation for GPU-accelerated solid modeling",
+ *             2017, equations 4.6 to 4.9: ambient, diffuse, specular and emitted light.
+ */
+#include "common/model.h"
+#include "attributes/octahedral.h"
+#include "raymarch/colours.h"
+#include "raymarch/rays.h"
+#if LEVELS == 1
+#include "common/bricks.h"
+#endif
+
+#define CUT 4
+#define INSIDE_CELL 2
+
+/* Places and directions are four wide, the last part being 0: Oclgrind crashes on some programs of
+ * three wide vectors, and of small structs. */
+
+static inline float4 vec(const float x, const float y, const float z)
+{
+    return (float4)(x, y, z, 0.0f);
+}
+
+/* Of length 1; of length 0 if `v` is. */
+static inline float4 unit(const float4 v)
+{
+    const float square = dot(v, v);
+    return v * (square > 0.0f ? 1.0f / sqrt(square) : 0.0f);
+}
+
+/* In or out; out beyond the voxels from low to before high. */
+static inline uint read_within(
+    const int4 low, const int4 high, MODEL_PARAMETERS, const int x, const int y, const int z)
+{
+    if (x < low.x || y < low.y || z < low.z || x >= high.x || y >= high.y || z >= high.z) return 0;
+    return read_voxel(MODEL_ARGUMENTS, x, y, z);
+}
+
+/* A place along one axis, in voxels from the lower face of voxel `at`. */
+static inline float place_in_voxel(const int bits, const long place, const int at)
+{
+    return (float)(place - (long)at * (1L << bits)) / (float)(1L << bits);
+}
+
+/* Outward normal, in voxels, at `at` from the centre of `voxel`: not of length 1, but of about 1
+ * on a plane, and of less where the voxels say little. */
+static inline float4 slope_at(const int4 shape, MODEL_PARAMETERS, const int4 voxel, const float4 at)
+{
+    const float reach = WINDOW + 0.5f;
+    float right = 0.0f, back = 0.0f, up = 0.0f, most = 0.0f;
+    for (int z = -WINDOW; z <= WINDOW; ++z)
+        for (int y = -WINDOW; y <= WINDOW; ++y)
+            for (int x = -WINDOW; x <= WINDOW; ++x) {
+                const float4 away = vec(x - at.x, y - at.y, z - at.z);
+                const float square = dot(away, away);
+                const float share = 1.0f - square / (reach * reach);
+                if (share <= 0.0f) continue;
+                const float weight = share * share;
+                most += weight * sqrt(square);
+                if (!read_within(
+                        (int4)(0), shape, MODEL_ARGUMENTS, voxel.x + x, voxel.y + y, voxel.z + z)) continue;
+                right -= weight * away.x;
+                back -= weight * away.y;
+                up -= weight * away.z;
+            }
+    /* A half space has a quarter of it all. */
+    return vec(right, back, up) * (4.0f / most);
+}
+
+/* How much of the sky a place sees, from 0 to 1: of the voxels at `offsets` those above the
+ * surface count that are inside. */
+static inline float sky_at(
+    const int4 low, const int4 high, MODEL_PARAMETERS, const int4 voxel, const float4 at, const float4 normal,
+    const int n, const __global float *offsets)
+{
+    float hidden = 0.0f, all_of_it = 0.0f;
+    const float4 from = convert_float4(voxel) + 0.5f + at + normal * 2.0f;
+    for (int i = 0; i < n; ++i) {
+        const float4 either = vec(offsets[3 * i], offsets[3 * i + 1], offsets[3 * i + 2]);
+        const float height = dot(either, normal);
+        const float4 offset = either * (height < 0.0f ? -1.0f : 1.0f);
+        const float weight = fabs(height) / length(offset);
+        all_of_it += weight;
+        if (read_within(
+                low, high, MODEL_ARGUMENTS, (int)floor(from.x + offset.x),
+                (int)floor(from.y + offset.y), (int)floor(from.z + offset.z)))
+            hidden += weight;
+    }
+    return 1.0f - hidden / fmax(all_of_it, 1.0f);
+}
+
+#if STORED
+
+/* The packed normal of a voxel, or NO_NORMAL. */
+static inline uint normal_of(
+    const int4 shape, MODEL_PARAMETERS, const __global uint *touched, const __global uint *ranks,
+    const __global uint *normals, const int x, const int y, const int z)
+{
+    if (x < 0 || y < 0 || z < 0 || x >= shape.x || y >= shape.y || z >= shape.z) return NO_NORMAL;
+#if LEVELS == 1
+    const ulong word = cell_word(cells, x, y, z);
+    const uint bit = x % 32;
+#else
+    const ulong state = cell_state(MODEL_ARGUMENTS, x / BRICK_X, y / BRICK_Y, z / BRICK_Z);
+    if (state >= CELL_OUTSIDE) return NO_NORMAL;
+    const uint at = (place_in(z, BRICK_Z) * BRICK_Y + place_in(y, BRICK_Y)) * BRICK_X
+                  + place_in(x, BRICK_X);
+    const ulong word = state * BRICK_WORDS + at / 32;
+    const uint bit = at % 32;
+#endif
+    if (!(touched[word] >> bit & 1)) return NO_NORMAL;
+    return normals[rank_of(touched, ranks, word, bit)];
+}
+
+/* The normals of the eight voxels whose middles are around the place `at` from the middle of
+ * `voxel`, each by its share; those that face away from the voxel's own do not count. */
+static inline float4 normal_at(
+    const int4 shape, MODEL_PARAMETERS, const __global uint *touched, const __global uint *ranks,
+    const __global uint *normals, const int4 voxel, const float4 at)
+{
+    const uint packed = normal_of(
+        shape, MODEL_ARGUMENTS, touched, ranks, normals, voxel.x, voxel.y, voxel.z);
+    if (packed == NO_NORMAL) return (float4)(0.0f);
+    const float4 own = unit(unpack_normal(packed));
+    const int to_x = at.x < 0.0f ? -1 : 1, to_y = at.y < 0.0f ? -1 : 1;
+    const int to_z = at.z < 0.0f ? -1 : 1;
+    float4 sum = own * ((1.0f - fabs(at.x)) * (1.0f - fabs(at.y)) * (1.0f - fabs(at.z)));
+    for (int other = 1; other < 8; ++other) {
+        const int x = other & 1, y = other >> 1 & 1, z = other >> 2;
+        const uint there = normal_of(
+            shape, MODEL_ARGUMENTS, touched, ranks, normals, voxel.x + x * to_x,
+            voxel.y + y * to_y, voxel.z + z * to_z);
+        const float4 normal = unit(unpack_normal(there));
+        /* Across a sharp edge normals do not mix. */
+        if (there == NO_NORMAL || dot(normal, own) < 0.7f) continue;
+        sum += normal * ((x ? fabs(at.x) : 1.0f - fabs(at.x))
+                         * (y ? fabs(at.y) : 1.0f - fabs(at.y))
+                         * (z ? fabs(at.z) : 1.0f - fabs(at.z)));
+    }
+    return unit(sum);
+}
+
+#endif
+
+/* Light that comes from a place: Phong's law, from a sky that is brighter above, a key light from
+ * the upper left and a fill light from the right; `view` points to the eye. */
+static inline float4 light_of(
+    const float4 normal, const float sky, const float4 view, const float4 right, const float4 up,
+    const float4 back, const float4 phong, const float emission, const float4 colour)
+{
+    const float open = 0.4f + 0.6f * sky;
+    const float above = 0.5f + 0.5f * dot(normal, up);
+    const float4 ambient =
+        vec(0.72f + 0.50f * above, 0.69f + 0.60f * above, 0.66f + 0.72f * above);
+    float4 diffuse = ambient * (phong.x * sky);
+    float shine = 0.0f;
+    for (int light = 0; light < LIGHTS; ++light) {
+        const float4 towards = light == 0 ? unit(up * 0.8f - right * 0.55f + back * 0.75f)
+                                          : unit(right * 0.9f + back * 0.5f - up * 0.1f);
+        const float strength = light == 0 ? 1.0f : 0.22f;
+        const float facing = dot(normal, towards);
+        if (facing <= 0.0f) continue;
+        diffuse += vec(1.0f, 1.0f, 1.0f) * (strength * phong.y * facing * open);
+        const float4 mirrored = normal * (2.0f * facing) - towards;
+        shine += strength * powr(fmax(dot(view, mirrored), 0.0f), phong.w);
+    }
+    const float rim = powr(1.0f - clamp(dot(normal, view), 0.0f, 1.0f), 4.0f);
+    const float white = (phong.z * shine + 0.05f * rim) * sky;
+    return vec(colour.x * (diffuse.x + emission) + white, colour.y * (diffuse.y + emission) + white,
+               colour.z * (diffuse.z + emission) + white);
+}
+
+#if LINES
+
+/* How near a place is to the edge of the face that it lies on, as an opacity: `at` is the place in
+ * its cube, from 0 to 1, `axis` that across the face, and `wide` a sample, in the cube's sides. */
+static inline float line_at(const float4 at, const int axis, const float4 wide)
+{
+    const float u = axis == 0 ? at.y : at.x, v = axis == 2 ? at.y : at.z;
+    const float wide_u = axis == 0 ? wide.y : wide.x, wide_v = axis == 2 ? wide.y : wide.z;
+    const float rest_u = fmin(u, 1.0f - u) / wide_u, rest_v = fmin(v, 1.0f - v) / wide_v;
+    /* A line is a pixel wide, and never hides more than a part of the face. */
+    const float sharp = clamp(1.3f - fmin(rest_u, rest_v) / SAMPLES, 0.0f, 1.0f);
+    return sharp * clamp(0.3f / (fmax(wide_u, wide_v) * SAMPLES) - 1.0f, 0.0f, 1.0f);
+}
+
+static inline float part_in(const int voxel, const float at, const int side)
+{
+    return (voxel - voxel / side * side + at) / side;
+}
+
+#endif
+
+/* One work-item colours one pixel, the mean of SAMPLES x SAMPLES rays.
+ * size: columns and rows of pixels; low, high: the voxels that are drawn; widths: of a voxel; right_of, up_of, back_of: unit vectors of
+ * the view.  phong: ambient, diffuse, specular, shininess; emission.  background: linear, and its
+ * opacity.  pixel, spread: width of a sample where rays begin, and for each unit farther on.
+ * flip: -1 if normals point inwards.  colours: (4, 3) float32, linear, by what is met, and of a
+ * cut.  offsets: (n, 3) float32, in voxels.  voxels, far: as march() leaves them.  touched, ranks,
+ * normals: of the touched voxels, if STORED.  pixels: (size.y, size.x, 4) uint8. */
+__kernel void shade(
+    const int2 size, const int4 shape, const int4 low, const int4 high, RAY_PARAMETERS,
+    const float4 widths, const float4 right_of,
+    const float4 up_of, const float4 back_of, const float4 phong, const float emission,
+    const float4 background, const float pixel, const float spread, const float flip,
+    const __global float *restrict colours, const int n, const __global float *restrict offsets,
+    const __global int *restrict voxels, const __global float *restrict far, MODEL_PARAMETERS,
+    const __global uint *restrict touched, const __global uint *restrict ranks,
+    const __global uint *restrict normals, __global uchar *restrict pixels)
+{
+    const ulong id = get_global_id(0);
+    if (id >= (ulong)size.x * size.y) return;
+    const int line = (int)(id / size.x);
+    const int row = line * SAMPLES, column = (int)(id - (ulong)line * size.x) * SAMPLES;
+    const float4 inverse = (float4)(1.0f) / (float4)(widths.x, widths.y, widths.z, 1.0f);
+    float4 sum = (float4)(0.0f);
+    for (int sample = 0; sample < SAMPLES * SAMPLES; ++sample) {
+        const int below = sample / SAMPLES;
+        const int u = column + sample - below * SAMPLES, v = row + below;
+        const ulong ray = (ulong)v * size.x * SAMPLES + u;
+        const int4 voxel = (int4)(voxels[4 * ray], voxels[4 * ray + 1], voxels[4 * ray + 2], 0);
+        if (voxel.x < 0) {
+            sum += over(background, (float4)(0.0f), 0.0f);
+            continue;
+        }
+        const int met = voxels[4 * ray + 3], axis = met & 3, kind = met >> 3;
+        const bool cut = (met & CUT) != 0;
+        const float4 ahead = vec((float)DIRECTION_OF(x, u, v), (float)DIRECTION_OF(y, u, v),
+                                 (float)DIRECTION_OF(z, u, v));
+        const float steps = far[ray] / (float)(1L << bits);
+        const float4 within = clamp(
+            vec(place_in_voxel(bits, PLACE_OF(x, u, v), voxel.x),
+                place_in_voxel(bits, PLACE_OF(y, u, v), voxel.y),
+                place_in_voxel(bits, PLACE_OF(z, u, v), voxel.z)) + ahead * steps, 0.0f, 1.0f);
+        const float4 at = vec(within.x - 0.5f, within.y - 0.5f, within.z - 0.5f);
+        const float4 run = ahead * widths;
+        const float4 view = unit(vec(-run.x, -run.y, -run.z));
+        const float4 face = vec(axis == 0 ? -sign(ahead.x) : 0.0f,
+                                axis == 1 ? -sign(ahead.y) : 0.0f,
+                                axis == 2 ? -sign(ahead.z) : 0.0f);
+        /* Rays that begin inside show the plane on which they begin. */
+        const bool near = cut && far[ray] == 0.0f;
+        float4 normal = near ? back_of : face;
+#if !LINES
+#if STORED
+        if (!cut) {
+            const float4 stored = normal_at(
+                shape, MODEL_ARGUMENTS, touched, ranks, normals, voxel, at) * flip;
+            /* What lies wholly inside is met only where the grid ends. */
+            if (dot(stored, stored) > 0.0f) normal = stored;
+            /* A sheet is seen from both sides. */
+            if (dot(normal, view) < -0.35f) normal = -normal;
+        }
+#else
+        if (!cut) {
+            const float4 slope = slope_at(shape, MODEL_ARGUMENTS, voxel, at);
+            /* Where the voxels around do not tell, the face of the voxel does. */
+            const float doubt = clamp(1.5f - 3.0f * length(slope), 0.0f, 1.0f);
+            normal = unit(slope + face * (doubt + 1e-3f));
+            normal = unit(vec(normal.x * inverse.x, normal.y * inverse.y, normal.z * inverse.z));
+        }
+#endif
+#endif
+        const float4 up_here = unit(
+            vec(normal.x * widths.x, normal.y * widths.y, normal.z * widths.z));
+        const float sky = sky_at(
+            low, high, MODEL_ARGUMENTS, voxel, at, up_here, near ? 0 : n, offsets);
+        const __global float *part = colours + 3 * (cut && !LINES ? 3 : kind);
+        float4 colour = vec(part[0], part[1], part[2]);
+#if LINES
+        const float wide = pixel + spread * far[ray] / (float)(1L << bits) * length(run)
+                         * fmax(dot(view, back_of), 0.0f);
+#if LEVELS == 1
+        const float4 sides = widths, place = within;
+#else
+        const bool whole = kind == INSIDE_CELL;
+        const float4 sides = whole ? vec(widths.x * BRICK_X, widths.y * BRICK_Y, widths.z * BRICK_Z)
+                                   : widths;
+        const float4 place = whole ? vec(part_in(voxel.x, within.x, BRICK_X),
+                                         part_in(voxel.y, within.y, BRICK_Y),
+                                         part_in(voxel.z, within.z, BRICK_Z))
+                                   : within;
+#endif
+        colour *= 1.0f - 0.6f * line_at(
+            place, axis, vec(wide / sides.x, wide / sides.y, wide / sides.z));
+#endif
+        const float4 light = light_of(
+            normal, sky, view, right_of, up_of, back_of, phong, emission, colour);
+        sum += over(background, light, 1.0f);
+    }
+    store_pixel(pixels + 4 * id, sum * (1.0f / (SAMPLES * SAMPLES)));
+}
