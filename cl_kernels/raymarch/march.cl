@@ -96,6 +96,11 @@ __kernel void march(
     hits[4 * id + 3] = 0;
     far[id] = INFINITY;
 #endif
+#if TILE
+    const int tiles = (size.x + TILE - 1) / TILE;
+    const float start_at = starts[(row / TILE) * tiles + column / TILE];
+    if (start_at == INFINITY) return;
+#endif
     const long place_x = PLACE_OF(x, column, row), place_y = PLACE_OF(y, column, row);
     const long place_z = PLACE_OF(z, column, row);
     /* Others pass the grid so far off that their moments might not fit into 64 bits. */
@@ -127,9 +132,6 @@ __kernel void march(
         cut = true;
     }
 #if TILE
-    const int tiles = (size.x + TILE - 1) / TILE;
-    const float start_at = starts[(row / TILE) * tiles + column / TILE];
-    if (start_at == INFINITY) return;
     const long later = (long)(start_at * whole);
     if (is_before(t, axis, later, 2)) {
         t = later;

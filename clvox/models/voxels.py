@@ -26,6 +26,7 @@ from clvox.models.snapping import swept_volume
 from clvox.ops import combine, measure, pack, query
 from clvox.ops.boundary import mark_cells, mark_voxels
 from clvox.ops.combine import Operation
+from clvox.ops.distances import Distances, measure_distances
 from clvox.ops.facets import Progress, upload_facets
 from clvox.ops.layout import VoxelArrays
 from clvox.ops.query import Rule
@@ -162,10 +163,12 @@ class VoxelModel:
     @property
     def nbytes(self) -> int:
         """Bytes of device memory that the model holds."""
+        distances = self.__dict__.get("_distances")
+        held = self._arrays.nbytes + (distances.values.nbytes if distances is not None else 0)
         if self._attributes is not None:
-            return self._arrays.nbytes + self._attributes.nbytes
+            return held + self._attributes.nbytes
         edge = self.__dict__.get("_edge")
-        return self._arrays.nbytes + (edge.nbytes if edge is not None else 0)
+        return held + (edge.nbytes if edge is not None else 0)
 
     @property
     def bounds(self) -> NDArray[np.float64]:
@@ -592,6 +595,11 @@ class VoxelModel:
             else:
                 mark_voxels(self._session, facets, lattice.bits, shape, cells, marks)
         return marks
+
+    @cached_property
+    def _distances(self) -> Distances | None:
+        """Lets rays skip what is empty; made for the first picture."""
+        return measure_distances(self._session, self._arrays)
 
     def _kept(self) -> Attributes:
         if self._attributes is None:

@@ -13,11 +13,17 @@ from pyopencl import cltypes
 from clvox.camera import Integers, Rays, View
 from clvox.device import Session
 from clvox.device.session import Argument
+from clvox.grid import Shape
 from clvox.ops.attributes import Touched
+from clvox.ops.distances import Distances
 from clvox.ops.layout import VoxelArrays, int2, int4
 from clvox.ops.query import Rule
 
 _MARCH, _SHADE, _VOLUME = "raymarch/march.cl", "raymarch/shade.cl", "raymarch/shade_volume.cl"
+_START = "raymarch/start.cl"
+
+TILE = 8
+"""Rays along the side of a tile whose rays go the first part of their way together."""
 
 WINDOW = 3
 """A normal is the slope of the voxels that are at most so many away along each axis."""
@@ -30,6 +36,7 @@ class Scene:
     """What is drawn: a model, and what is known of the voxels that its mesh touches.
 
     normals: packed, of the touched voxels; `flip` is -1 if they point inwards.
+    distances: lets rays that begin somewhere skip what is empty.
     """
 
     arrays: VoxelArrays
@@ -37,6 +44,7 @@ class Scene:
     touched: Touched | None = None
     normals: cla.Array | None = None
     flip: int = 1
+    distances: Distances | None = None
 
     @property
     def rule(self) -> Rule:
@@ -101,7 +109,7 @@ def measure_lengths(
     columns, rows = size
     far = session.empty((rows, columns), np.float32)
     none = session.empty(1, np.int32)
-    inside = Scene(scene.arrays, scene.spacing)
+    inside = Scene(scene.arrays, scene.spacing, distances=scene.distances)
     _follow(session, inside, view, rays, size, 1, none, far)
     return far
 
@@ -120,9 +128,13 @@ def _follow(
     if columns * rows == 0:
         return
     arrays = scene.arrays
-    defines = {"RULE": scene.rule, "LENGTHS": lengths, "TILE": 0, **arrays.defines}
+    tile = TILE if scene.distances is not None and rays.begins else 0
+    defines = {"RULE": scene.rule, "LENGTHS": lengths, "TILE": tile, **arrays.defines}
     kernel = session.kernel(_MARCH, "march", **defines)
-    starts = session.empty(1, np.float32)
+    if tile and scene.distances is not None:
+        starts = find_starts(session, scene.distances, arrays.shape, rays, size)
+    else:
+        starts = session.empty(1, np.float32)
     box = int4(arrays.shape), int4(arrays.columns), int4(view.low), int4(view.high)
     session.run(
         kernel,
@@ -130,6 +142,44 @@ def _follow(
         *(int2(columns, rows), *box, _float4(scene.spacing), *_ray_arguments(rays), starts),
         *(*arrays.arguments(scene.edge), voxels, far),
     )
+
+
+def find_starts(
+    session: Session, distances: Distances, shape: Shape, rays: Rays, size: tuple[int, int]
+) -> cla.Array:
+    """Return how far the rays of each tile meet nothing, (tiles,) float32, in directions.
+
+    Infinite for a tile whose rays meet nothing at all.  Rays begin somewhere.
+    """
+    columns, rows = size
+    tiles = -(-columns // TILE) * -(-rows // TILE)
+    starts = session.empty(tiles, np.float32)
+    kernel = session.kernel(_START, "find_starts", TILE=TILE)
+    per_block = np.array(distances.side, np.float64) * 2.0**rays.bits
+    session.run(
+        kernel,
+        tiles,
+        *(int2(columns, rows), int4(distances.shape), _float4(per_block)),
+        *(np.float32(_end(shape, rays, size)), *_ray_arguments(rays), distances.values, starts),
+    )
+    return starts
+
+
+def _end(shape: Shape, rays: Rays, size: tuple[int, int]) -> float:
+    """In directions, a moment at which all rays are past the grid, or beside it for ever."""
+    columns, rows = size
+    corners = np.array([(u, v) for u in (0, columns) for v in (0, rows)], np.float64)
+    across, along = np.array(rays.turn_right, float), np.array(rays.turn_down, float)
+    ahead = np.array(rays.direction, float) + corners[:, :1] * across + corners[:, 1:] * along
+    middle = ahead.mean(axis=0) / 2.0**rays.turn
+    start = np.array(rays.start, float) + corners.mean(axis=0) @ np.stack(
+        [np.array(rays.right, float), np.array(rays.down, float)]
+    )
+    start = start / 2.0**rays.fraction
+    # Rays of one picture are as far along the view at any moment, and the view is that of the
+    # middle one, up to unequal spacings: twice as far is far enough.
+    reach = np.abs(start).max() + max(shape) * 2.0**rays.bits
+    return float(4 * np.sqrt(3) * reach / np.abs(middle).max())
 
 
 def shade(

@@ -133,3 +133,16 @@ def _visits(
     (found,) = np.nonzero(visited & (since < until))
     order = found[np.argsort(since[found], kind="stable")]
     return Visits(order, since[order], until[order], whole)
+
+
+def block_distances(occupied: NDArray[np.bool_], most: int) -> NDArray[np.uint8]:
+    """Return how many blocks each block is away from the next one that is occupied.
+
+    The largest of the distances along the axes, at most *most*; [z, y, x] uint8.
+    """
+    found = np.full(occupied.shape, most, np.uint8)
+    taken = np.argwhere(occupied)
+    if len(taken):
+        for block in np.ndindex(occupied.shape):
+            found[block] = min(most, int(np.abs(taken - block).max(axis=1).min()))
+    return found

@@ -127,11 +127,12 @@ def _scene(model: VoxelModel, style: Style) -> Scene:
     arrays, spacing = model._arrays, model.grid.spacing  # noqa: SLF001
     kept = model._attributes  # noqa: SLF001
     if kept is None or style == "volume" or (style == "surface" and kept.normals is None):
-        return Scene(arrays, spacing)
+        return Scene(arrays, spacing, distances=model._distances)  # noqa: SLF001
     ((surface, _),) = model._surfaces  # noqa: SLF001
     a, b, c = (surface.vertices[surface.faces[:, corner]] for corner in range(3))
     inwards = float(np.einsum("ij,ij->", a - a.mean(axis=0), np.cross(b, c))) < 0
-    return Scene(arrays, spacing, kept.touched, kept.normals, -1 if inwards else 1)
+    flip = -1 if inwards else 1
+    return Scene(arrays, spacing, kept.touched, kept.normals, flip, model._distances)  # noqa: SLF001
 
 
 def _density(model: VoxelModel, density: float | None) -> float:
