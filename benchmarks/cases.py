@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from skimage.measure import marching_cubes
 
 import clvox
+from benchmarks import frames as pictures
 from benchmarks import peers
 from clvox.bench import Contestant, Result, compare, meshes
 from clvox.bench.streaming import compare_with_copy
@@ -29,6 +30,9 @@ from clvox.ops.scan import prefix_sum
 
 PART = "parts/nist_machined_part_pmi4_119k.stl.gz"
 DEMO_PART = "demo/nist_bracket_plate_pmi1_5k.stl"
+
+DENSE = 1024
+"""Most voxels along the longest side of which a peer is given each as a byte."""
 
 AGREEMENT = 256
 """Voxels along the longest side up to which the peers' voxels are held against ours."""
@@ -186,8 +190,24 @@ def streaming(plan: Plan) -> Iterator[Result]:
     )
 
 
+def frames(plan: Plan) -> Iterator[Result]:
+    """A picture of 1920 x 1080 pixels, to the host; one ray a pixel but "as by default"."""
+    size = plan.pick(pictures.SIZE, (32, 18))
+    for resolution in plan.pick((1024, 4096), (32,)):
+        model = clvox.voxelize(
+            plan.ball,
+            resolution=resolution,
+            attributes=("normals",),
+            device=plan.session.device,
+        )
+        label = f"frame {size[0]} x {size[1]}, bumpy_sphere at {resolution}"
+        dense = resolution <= DENSE and not plan.quick
+        ways = pictures.contestants(model, plan.ball, size, dense=dense)
+        yield from _compare(plan, label, ways)
+
+
 CASES: dict[str, Case] = {
-    case.__name__: case for case in (solid, levels, mesh, scan, contains, streaming)
+    case.__name__: case for case in (solid, levels, mesh, scan, contains, streaming, frames)
 }
 """All cases, by name."""
 

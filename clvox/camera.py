@@ -170,7 +170,7 @@ class Camera:
         if self.box is not None:
             low, high = _corners(self.box)
             object.__setattr__(self, "box", (low, high))
-        self._frame()
+        self.frame()
 
     @classmethod
     def around(
@@ -203,7 +203,7 @@ class Camera:
         middle, ahead = (low + high) / 2, _unit("direction", direction)
         size = float(np.linalg.norm(high - low)) or 1.0
         looking = cls(_tuple(middle - ahead * size), _tuple(middle), _triple("up", up), height=size)
-        right, above, back = looking._frame()
+        right, above, back = looking.frame()
         part = 1 - 2 * MARGIN
         across, upright, depth = np.stack([right, above, back]) @ (points - middle).T
         if parallel:
@@ -244,7 +244,7 @@ class Camera:
         GridError
             The eye is too far away, or spacings differ too much, to draw.
         """
-        right, above, back = self._frame()
+        right, above, back = self.frame()
         low, high = self._voxels(grid)
         widths, shape = np.array(grid.spacing), np.array(grid.shape)
         columns, rows = size
@@ -271,8 +271,8 @@ class Camera:
         )
         return View(rays, right, above, back, low, high, (step, spread), begin)
 
-    def _frame(self) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-        """Unit vectors to the right, upwards, and back to the eye."""
+    def frame(self) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+        """Return unit vectors to the right, upwards, and back to the eye; (3,) float64 each."""
         away = np.array(self.eye) - np.array(self.target)
         if not away.any():
             raise GridError(f"eye and target must differ, both are {self.eye}")

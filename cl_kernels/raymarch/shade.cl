@@ -130,15 +130,17 @@ static inline uint normal_of(
 }
 
 /* The normals of the eight voxels whose middles are around the place `at` from the middle of
- * `voxel`, each by its share; those that face away from the voxel's own do not count. */
+ * `voxel`, each by its share; those that face away from the voxel's own do not count.  Or the
+ * voxel's `alone`. */
 static inline float4 normal_at(
     const int4 shape, MODEL_PARAMETERS, const __global uint *touched, const __global uint *ranks,
-    const __global uint *normals, const int4 voxel, const float4 at)
+    const __global uint *normals, const int4 voxel, const float4 at, const bool alone)
 {
     const uint packed = normal_of(
         shape, MODEL_ARGUMENTS, touched, ranks, normals, voxel.x, voxel.y, voxel.z);
     if (packed == NO_NORMAL) return (float4)(0.0f);
     const float4 own = unit(unpack_normal(packed));
+    if (alone) return own;
     const int to_x = at.x < 0.0f ? -1 : 1, to_y = at.y < 0.0f ? -1 : 1;
     const int to_z = at.z < 0.0f ? -1 : 1;
     float4 sum = own * ((1.0f - fabs(at.x)) * (1.0f - fabs(at.y)) * (1.0f - fabs(at.z)));
@@ -179,10 +181,13 @@ static inline float4 light_of(
         if (facing <= 0.0f) continue;
         diffuse += vec(1.0f, 1.0f, 1.0f) * (strength * phong.y * facing * open);
         const float4 mirrored = normal * (2.0f * facing) - towards;
-        shine += strength * powr(fmax(dot(view, mirrored), 0.0f), phong.w);
+        const float glance = dot(view, mirrored);
+        /* Elsewhere it is below a thousandth. */
+        if (phong.w * (1.0f - glance) < 7.0f && glance > 0.0f)
+            shine += strength * powr(glance, phong.w);
     }
-    const float rim = powr(1.0f - clamp(dot(normal, view), 0.0f, 1.0f), 4.0f);
-    const float white = (phong.z * shine + 0.05f * rim) * sky;
+    const float aside = 1.0f - clamp(dot(normal, view), 0.0f, 1.0f), square = aside * aside;
+    const float white = (phong.z * shine + 0.05f * square * square) * sky;
     return vec(colour.x * (diffuse.x + emission) + white, colour.y * (diffuse.y + emission) + white,
                colour.z * (diffuse.z + emission) + white);
 }
@@ -252,6 +257,7 @@ __kernel void shade(
         const float4 at = vec(within.x - 0.5f, within.y - 0.5f, within.z - 0.5f);
         const float4 run = ahead * widths;
         const float4 view = unit(vec(-run.x, -run.y, -run.z));
+        const float wide = pixel + spread * steps * length(run) * fmax(dot(view, back_of), 0.0f);
         const float4 face = vec(axis == 0 ? -sign(ahead.x) : 0.0f,
                                 axis == 1 ? -sign(ahead.y) : 0.0f,
                                 axis == 2 ? -sign(ahead.z) : 0.0f);
@@ -261,8 +267,10 @@ __kernel void shade(
 #if !LINES
 #if STORED
         if (!cut) {
+            /* Voxels narrower than a pixel need no transitions. */
+            const bool narrow = wide * SAMPLES > 0.8f * fmax(widths.x, fmax(widths.y, widths.z));
             const float4 stored = normal_at(
-                shape, MODEL_ARGUMENTS, touched, ranks, normals, voxel, at) * flip;
+                shape, MODEL_ARGUMENTS, touched, ranks, normals, voxel, at, narrow) * flip;
             /* What lies wholly inside is met only where the grid ends. */
             if (dot(stored, stored) > 0.0f) normal = stored;
             /* A sheet is seen from both sides. */
@@ -285,8 +293,6 @@ __kernel void shade(
         const __global float *part = colours + 3 * (cut && !LINES ? 3 : kind);
         float4 colour = vec(part[0], part[1], part[2]);
 #if LINES
-        const float wide = pixel + spread * far[ray] / (float)(1L << bits) * length(run)
-                         * fmax(dot(view, back_of), 0.0f);
 #if LEVELS == 1
         const float4 sides = widths, place = within;
 #else

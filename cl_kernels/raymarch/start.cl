@@ -63,15 +63,17 @@ __kernel void find_starts(
         }
         const float outside = fmax(
             beyond(x, blocks.x), fmax(beyond(y, blocks.y), beyond(z, blocks.z)));
-        float safe = outside;
-        if (outside <= 0.0f) {
-            const int i = min((int)x, blocks.x - 1), j = min((int)y, blocks.y - 1);
-            const int k = min((int)z, blocks.z - 1);
-            const int distance = distances[((ulong)k * blocks.y + j) * blocks.x + i];
-            const float rest = fmin(fmin(fmin(x - i, i + 1 - x), fmin(y - j, j + 1 - y)),
-                                    fmin(z - k, k + 1 - z));
-            safe = distance == 0 ? 0.0f : (float)(distance - 1) + rest;
-        }
+        /* Going to the nearest place within the grid brings nothing that is in it farther away. */
+        const float in_x = clamp(x, 0.0f, (float)blocks.x), in_y = clamp(y, 0.0f, (float)blocks.y);
+        const float in_z = clamp(z, 0.0f, (float)blocks.z);
+        const int i = min((int)in_x, blocks.x - 1), j = min((int)in_y, blocks.y - 1);
+        const int k = min((int)in_z, blocks.z - 1);
+        const int distance = distances[((ulong)k * blocks.y + j) * blocks.x + i];
+        const float rest =
+            fmin(fmin(fmin(in_x - i, i + 1 - in_x), fmin(in_y - j, j + 1 - in_y)),
+                 fmin(in_z - k, k + 1 - in_z));
+        const float safe =
+            fmax(outside, distance == 0 ? 0.0f : (float)(distance - 1) + fmax(rest, 0.0f));
         const float gain = safe - wide - SLACK;
         if (gain <= SLACK) break;
         t += gain / fastest;

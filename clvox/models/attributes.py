@@ -43,7 +43,7 @@ class Attributes:
     """Arrays on the device, as docs/layouts draws them.
 
     names: what was asked for.  normals: (touched voxels,) uint32.  offsets, faces: the triangles
-    of each boundary cell, as compressed rows.
+    of each boundary cell, as compressed rows.  inwards: the mesh's triangles face inwards.
     """
 
     names: tuple[Attribute, ...]
@@ -51,6 +51,7 @@ class Attributes:
     normals: cla.Array | None = None
     offsets: cla.Array | None = None
     faces: cla.Array | None = None
+    inwards: bool = False
 
     @property
     def nbytes(self) -> int:
@@ -123,7 +124,9 @@ def build_attributes(
         normals = sum_normals(session, facets, lattice.bits, touched, given)
     if "links" in names:
         offsets, faces = link_faces(session, facets, lattice.bits, touched)
-    return Attributes(names, touched, normals, offsets, faces)
+    a, b, c = (surface.vertices[surface.faces[:, corner]] for corner in range(3))
+    inwards = float(np.einsum("ij,ij->", a - a[:1], np.cross(b - a[:1], c - a[:1]))) < 0
+    return Attributes(names, touched, normals, offsets, faces, inwards)
 
 
 def triangle_normals(surface: Surface, *, by_area: bool = False) -> NDArray[np.int32]:

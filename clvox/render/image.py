@@ -128,10 +128,7 @@ def _scene(model: VoxelModel, style: Style) -> Scene:
     kept = model._attributes  # noqa: SLF001
     if kept is None or style == "volume" or (style == "surface" and kept.normals is None):
         return Scene(arrays, spacing, distances=model._distances)  # noqa: SLF001
-    ((surface, _),) = model._surfaces  # noqa: SLF001
-    a, b, c = (surface.vertices[surface.faces[:, corner]] for corner in range(3))
-    inwards = float(np.einsum("ij,ij->", a - a.mean(axis=0), np.cross(b, c))) < 0
-    flip = -1 if inwards else 1
+    flip = -1 if kept.inwards else 1
     return Scene(arrays, spacing, kept.touched, kept.normals, flip, model._distances)  # noqa: SLF001
 
 

@@ -1,0 +1,100 @@
+"""Distances to what is not empty, and rays that begin where they say nothing is."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from clvox.camera import Camera
+from clvox.device import Session
+from clvox.grid import Grid, Shape
+from clvox.ops.distances import MOST, measure_distances
+from clvox.ops.layout import VoxelArrays
+from clvox.ops.multilevel import rank_cells
+from clvox.ops.raymarch import Scene, find_starts, march, measure_lengths
+from clvox.reference.multilevel import pack_bits
+from clvox.reference.raymarch import block_distances
+
+SIZE = 19, 13
+
+
+def model(session: Session, seed: int, cells: Shape, brick: Shape, share: float) -> VoxelArrays:
+    """Cells at random, some of them inside, and no voxels in the bricks but a few."""
+    rng = np.random.default_rng(seed)
+    boundary, inside = rng.random((2, *cells[::-1])) < share
+    held = rank_cells(session, session.upload(pack_bits(boundary)), cells, brick)
+    words = rng.integers(0, 2**32, (held.count, held.brick_words), np.uint32)
+    words &= rng.integers(0, 2**32, words.shape, np.uint32)
+    # Bits behind the last voxel of a brick are zero.
+    words[:, -1] &= np.uint32(2 ** (np.prod(brick) % 32 or 32) - 1)
+    shape = tuple(count * side for count, side in zip(cells, brick, strict=True))
+    inner = session.upload(pack_bits(inside & ~boundary))
+    return VoxelArrays((shape[0], shape[1], shape[2]), session.upload(words), held, inner)
+
+
+@pytest.mark.parametrize("most_blocks", [1 << 20, 100, 7])
+@pytest.mark.parametrize(
+    ("cells", "share"), [((9, 7, 5), 0.02), ((37, 3, 4), 0.005), ((4, 4, 4), 0.0), ((1, 1, 1), 1.0)]
+)
+def test_distances(session: Session, most_blocks: int, cells: Shape, share: float) -> None:
+    arrays = model(session, 3, cells, (2, 2, 2), share)
+    found = measure_distances(session, arrays, most_blocks=most_blocks)
+    assert found is not None
+    assert arrays.cells is not None
+    assert arrays.inside is not None
+    words = arrays.cells.boundary.get() | arrays.inside.get()
+    bits = np.unpackbits(words.view(np.uint8), axis=-1, bitorder="little")[..., : cells[0]]
+    side = found.side[0] // 2
+    assert np.prod(found.shape) <= most_blocks
+    padded = np.zeros([count * side for count in found.shape[::-1]], bool)
+    padded[: cells[2], : cells[1], : cells[0]] = bits
+    x, y, z = found.shape
+    blocks = padded.reshape(z, side, y, side, x, side).any(axis=(1, 3, 5))
+    expected = block_distances(blocks, MOST)
+    np.testing.assert_array_equal(found.values.get().reshape(z, y, x), expected)
+
+
+def test_a_dense_model_has_none(session: Session) -> None:
+    words = session.zeros((4, 4, 1), np.uint32)
+    assert measure_distances(session, VoxelArrays((4, 4, 4), words)) is None
+
+
+@given(seed=st.integers(0, 2**32 - 1), parallel=st.booleans(), most=st.sampled_from([1 << 20, 60]))
+def test_starts_change_nothing(session: Session, seed: int, parallel: bool, most: int) -> None:
+    """Of what is met, and of how long rays are within; from anywhere, and with any spacing."""
+    rng = np.random.default_rng(seed)
+    arrays = model(session, seed, (8, 9, 7), (3, 2, 4), float(rng.choice([0.003, 0.03])))
+    spacing = tuple(rng.choice([0.3, 1.0, 2.0], 3).tolist())
+    grid = Grid((0, 0, 0), spacing, arrays.shape)
+    low, high = grid.bounds
+    eye, target = rng.uniform(low - (high - low), high + (high - low)), rng.uniform(low, high)
+    height = float((high - low).max()) if parallel else None
+    camera = Camera(tuple(eye), tuple(target), tuple(rng.normal(size=3)), height=height)
+    view = camera.view(grid, SIZE)
+    plain = Scene(arrays, grid.spacing)
+    skipping = replace(plain, distances=measure_distances(session, arrays, most_blocks=most))
+    hits = [march(session, scene, view, view.rays, SIZE) for scene in (plain, skipping)]
+    first, second = (found.voxels.get() for found in hits)
+    # What is met is the same; along which axis may differ where a ray begins in the voxel.
+    np.testing.assert_array_equal(first[..., :3], second[..., :3])
+    lengths = [
+        measure_lengths(session, scene, view, view.rays, SIZE).get() for scene in (plain, skipping)
+    ]
+    np.testing.assert_array_equal(*lengths)
+
+
+def test_most_rays_skip_much(session: Session) -> None:
+    """Starts that are all 0 would change nothing, too."""
+    arrays = model(session, 1, (32, 32, 32), (2, 2, 2), 0.0005)
+    grid = Grid((0, 0, 0), 1.0, arrays.shape)
+    view = Camera.around(grid).view(grid, (64, 64))
+    distances = measure_distances(session, arrays)
+    assert distances is not None
+    starts = find_starts(session, distances, arrays.shape, view.rays, (64, 64)).get()
+    assert starts.shape == (64,)
+    assert (starts > 0).all()
+    assert np.isinf(starts).any()
