@@ -27,8 +27,9 @@ def contestants(
     plain: dict[str, Any] = {"camera": camera, "size": size, "samples": 1, "occlusion": False}
     ways = [Contestant("clvox, surface", lambda: clvox.render(model, **plain))]
     ways.append(Contestant("clvox, volume", lambda: clvox.render(model, style="volume", **plain)))
-    best = {"camera": camera, "size": size}
-    ways.append(Contestant("clvox, as by default", lambda: clvox.render(model, **best)))
+    ways.append(
+        Contestant("clvox, as by default", lambda: clvox.render(model, camera=camera, size=size))
+    )
     caster = peers.ray_caster()
     if caster is not None:
         scene = caster.scene(np.array(surface.vertices), surface.faces)

@@ -72,6 +72,14 @@
         } \
     } while (0)
 
+/* The voxel in which the ray is, along one axis of the grid. */
+#define VOXEL_OF(axis) \
+    (axis.turned ? (columns.axis - cell_##axis) * SIDE_OF_##axis - 1 - voxel_##axis \
+                 : cell_##axis * SIDE_OF_##axis + voxel_##axis)
+#define SIDE_OF_x SIDE_X
+#define SIDE_OF_y SIDE_Y
+#define SIDE_OF_z SIDE_Z
+
 /* One work-item follows one ray.
  * size: rays along a row and a column; shape: voxels of the grid; columns: cells of voxels along each axis, the voxels
  * themselves in a dense grid; low, high: the voxels that are drawn.
@@ -175,31 +183,33 @@ __kernel void march(
             long voxel_out_x = moment_out(&x, since_x, 1, voxel_x);
             long voxel_out_y = moment_out(&y, since_y, 1, voxel_y);
             long voxel_out_z = moment_out(&z, since_z, 1, voxel_z);
+            /* The bit of the voxel in its brick moves along with it. */
+            const int go_x = x.turned ? -1 : 1, go_y = y.turned ? -BRICK_X : BRICK_X;
+            const int go_z = z.turned ? -BRICK_X * BRICK_Y : BRICK_X * BRICK_Y;
+            uint bit = ((z.turned ? SIDE_Z - 1 - voxel_z : voxel_z) * BRICK_Y
+                        + (y.turned ? SIDE_Y - 1 - voxel_y : voxel_y)) * BRICK_X
+                     + (x.turned ? SIDE_X - 1 - voxel_x : voxel_x);
             long now = t;
             int along = axis;
             while (voxel_x < SIDE_X && voxel_y < SIDE_Y && voxel_z < SIDE_Z
                    && is_before(now, along, end, last)) {
-                const int in_x = x.turned ? SIDE_X - 1 - voxel_x : voxel_x;
-                const int in_y = y.turned ? SIDE_Y - 1 - voxel_y : voxel_y;
-                const int in_z = z.turned ? SIDE_Z - 1 - voxel_z : voxel_z;
                 const int next = first_axis(voxel_out_x, voxel_out_y, voxel_out_z);
                 const long leave = one_of(next, voxel_out_x, voxel_out_y, voxel_out_z);
-                const uint bit = (in_z * BRICK_Y + in_y) * BRICK_X + in_x;
                 const ulong word = base + bit / 32;
                 if (!mixed) {
 #if LENGTHS
                     within += min(out, end) - now;
                     break;
 #else
-                    MEET(at_x * SIDE_X + in_x, at_y * SIDE_Y + in_y, at_z * SIDE_Z + in_z, now,
-                         along, out, INSIDE_CELL);
+                    MEET(VOXEL_OF(x), VOXEL_OF(y), VOXEL_OF(z), now, along, out, INSIDE_CELL);
 #endif
                 } else if (IS_TAKEN(word, bit % 32)) {
-                    MEET(at_x * SIDE_X + in_x, at_y * SIDE_Y + in_y, at_z * SIDE_Z + in_z, now,
-                         along, leave, KIND_OF(word, bit % 32));
+                    MEET(VOXEL_OF(x), VOXEL_OF(y), VOXEL_OF(z), now, along, leave,
+                         KIND_OF(word, bit % 32));
                 }
                 now = leave;
                 along = next;
+                bit += next == 0 ? go_x : (next == 1 ? go_y : go_z);
                 STEP(voxel, next, x.step, y.step, z.step);
             }
         }

@@ -53,7 +53,7 @@ def test_distances(session: Session, most_blocks: int, cells: Shape, share: floa
     padded = np.zeros([count * side for count in found.shape[::-1]], bool)
     padded[: cells[2], : cells[1], : cells[0]] = bits
     x, y, z = found.shape
-    blocks = padded.reshape(z, side, y, side, x, side).any(axis=(1, 3, 5))
+    blocks = np.asarray(padded.reshape(z, side, y, side, x, side).any(axis=(1, 3, 5)))
     expected = block_distances(blocks, MOST)
     np.testing.assert_array_equal(found.values.get().reshape(z, y, x), expected)
 
@@ -84,7 +84,7 @@ def test_starts_change_nothing(session: Session, seed: int, parallel: bool, most
     lengths = [
         measure_lengths(session, scene, view, view.rays, SIZE).get() for scene in (plain, skipping)
     ]
-    np.testing.assert_array_equal(*lengths)
+    np.testing.assert_array_equal(lengths[0], lengths[1])
 
 
 def test_most_rays_skip_much(session: Session) -> None:
