@@ -2,8 +2,9 @@
  * boundary/mark_cells.cl: the bit of every cell that some triangle touches.
  *
  * Cells are those of a coarse grid, or the smaller ones in the bricks above which a tree stands:
- * voxels, or cells of the middle level.  Each triangle walks the columns of cells in its shadow along the dominant axis
- * of its normal, and its plane bounds the cells of each column: never all cells of its box.
+ * voxels, or cells of the middle level.  Each triangle walks the columns of cells in its shadow
+ * along the dominant axis of its normal, and its plane bounds the cells of each column: never all
+ * cells of its box.  A triangle within one row or one layer of cells takes a shorter way.
  *
  * Host:       clvox/ops/boundary.py
  * Reference:  clvox/reference/boundary.py
@@ -159,7 +160,8 @@ static bool mark_triangle(
         const int3 last = permute(to, axis);
         const int4 box = (int4)(first.x, first.y, last.x, last.y);
         if (!is_small(box)) return false;
-        mark_layer(sink, permute(a, axis).xy, permute(b, axis).xy, permute(c, axis).xy, axis, box, first.z, last.z);
+        mark_layer(sink, permute(a, axis).xy, permute(b, axis).xy, permute(c, axis).xy, axis,
+                   box, first.z, last.z);
         return true;
     }
     Solid s;

@@ -76,7 +76,8 @@ static inline void cross(Sink *sink, const int u, const int v, const int depth)
 #elif SINK == DENSE
 
 /* Rays along y: u is z and v is x.  The bit flipped is that of the first voxel after the crossing.
- * voxels: bits, rows padded to words.  beyond: a bit per ray, (z, x), for crossings past the end. */
+ * voxels: bits, rows padded to words.
+ * beyond: a bit per ray, (z, x), for crossings past the end. */
 #define SINK_PARAMETERS \
     const int depth, const int row_words, __global uint *voxels, __global uint *beyond
 #define MAKE_SINK(window) { depth, row_words, voxels, beyond }
