@@ -467,8 +467,9 @@ def test_ctrl_c(
 def test_ctrl_c_in_a_process_of_its_own(ball: Path, shell: Shell) -> None:
     """The interpreter, too, leaves without a word."""
     script = (
-        "import os, signal, sys\nimport clvox.models.build as build\nfrom clvox.cli import main\n"
-        "build.rank_cells = lambda *_: os.kill(os.getpid(), signal.SIGINT)\n"
+        "import os, signal, sys\nimport clvox.models.construct as construct\n"
+        "from clvox.cli import main\n"
+        "construct.rank_cells = lambda *_: os.kill(os.getpid(), signal.SIGINT)\n"
         f"sys.exit(main(['voxelize', {str(ball)!r}, '-r', '64', '-o', 'a.npz']))\n"
     )
     done = shell("-c", script)
