@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from typing import Any, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
-from tqdm import tqdm
 
 from clvox.device import DeviceLike, open_session
 from clvox.errors import GridError
@@ -16,6 +13,8 @@ from clvox.grid import Axis, Grid, Lattice
 from clvox.mesh import MeshLike, Surface, check
 from clvox.models.construct import WINDINGS, Fill, construct
 from clvox.models.levels import Levels, fill_box, resolve_levels
+from clvox.models.memory import find_budget
+from clvox.models.telling import drawn
 from clvox.models.voxels import VoxelModel
 from clvox.ops import crossings
 from clvox.ops.facets import Progress, upload_facets
@@ -31,6 +30,7 @@ def voxelize(
     fill: Fill = "parity",
     lattice_bits: int | None = None,
     device: DeviceLike = None,
+    memory_budget: int | None = None,
     progress: bool | Progress | None = None,
 ) -> VoxelModel:
     """Return the voxels whose samples lie inside a mesh.
@@ -67,6 +67,10 @@ def voxelize(
         fit.  Models that are to be combined share it.
     device : str, int or Device, optional
         See `devices`; by default the environment's ``CLVOX_DEVICE``, a GPU, or a processor.
+    memory_budget : int, optional
+        Bytes of the device that building may take at once, the model included; models that are
+        there already do not count.  By default, most of what the device has free.  With less the
+        work is done piece by piece, and the voxels are the same.
     progress : bool or callable, optional
         True draws a bar; a function is called with (done, total).  An exception that it raises
         ends the work.
@@ -85,9 +89,11 @@ def voxelize(
         No triangles, a vertex that is not finite, or no extent along some axis.
     GridError
         The grid's numbers make no sense, do not agree with *levels*, or mesh and grid together
-        span more voxels than the lattice can tell apart; or there is no such *fill*.
+        span more voxels than the lattice can tell apart; or there is no such *fill*, or the
+        budget is not a positive whole number.
     DeviceError, OutOfMemoryError
-        There is no such device, or it has no room.
+        There is no such device; or the work does not fit into its memory or *memory_budget*, and
+        the message says what is needed and what would fit.
 
     References
     ----------
@@ -121,8 +127,9 @@ def voxelize(
     shapes = resolve_levels(grid.shape, levels)
     lattice = Lattice.fit(grid, surface.bounds, bits=lattice_bits)
     session = open_session(device)
-    with _told(2 * len(surface.faces), progress=progress) as tell:
-        return construct(session, surface, lattice, shapes, fill, tell)
+    budget = find_budget(session, memory_budget)
+    with drawn(progress=progress) as tell:
+        return construct(session, surface, lattice, shapes, fill, budget, tell)
 
 
 def count_crossings(
@@ -182,15 +189,3 @@ def count_crossings(
     counts = crossings.count_crossings(session, facets, lattice.bits, grid.shape, "xyz".index(axis))
     result: np.ndarray[Any, np.dtype[np.uint32]] = counts.get()
     return result
-
-
-@contextmanager
-def _told(total: int, *, progress: bool | Progress | None) -> Iterator[Progress | None]:
-    """Whom to tell of progress: the caller's function, a bar, or nobody."""
-    if not isinstance(progress, bool):
-        yield progress
-    elif not progress:
-        yield None
-    else:
-        with tqdm(total=total, unit=" triangles", unit_scale=True, desc="voxelize") as bar:
-            yield lambda done, _: bar.update(done - bar.n)
