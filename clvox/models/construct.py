@@ -14,6 +14,7 @@ from clvox.device import Session
 from clvox.grid import Lattice, Shape
 from clvox.mesh import Surface
 from clvox.models.memory import (
+    LEAST_WORK,
     Room,
     cut_slabs,
     middle_nbytes,
@@ -191,7 +192,9 @@ class _Build:
     def _slabs(self, cells: Cells, spare: int) -> list[Slab]:
         """All of the model if its planes leave enough of *spare*, else slabs of it."""
         whole = Slab.whole(cells)
-        most = min(spare // 2, self.session.device.largest_allocation)
+        # What is required beside a slab is a sixteenth of it, and the least there is to work in.
+        most = min(spare // 2, (spare - LEAST_WORK) // 17 * 16)
+        most = min(most, self.session.device.largest_allocation)
         return [whole] if slab_nbytes(cells, whole) <= most else cut_slabs(cells, most)
 
     def _share(self, spare: int) -> int:

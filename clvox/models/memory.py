@@ -154,9 +154,21 @@ class Room:
             taken = top_nbytes(shape, self.levels)
             for name, nbytes in arrays.items():
                 taken.setdefault(name, math.ceil(_MARGIN * nbytes / factor**2))
+            taken["slab"] = self._slab_nbytes(shape, taken.get("bricks", 0))
             if sum(map(self.session.size_of, taken.values())) <= room:
                 return factor
         return None
+
+    def _slab_nbytes(self, shape: Shape, bricks_nbytes: int) -> int:
+        """About how many bytes a slab of one layer takes; a layer has up to thrice its share."""
+        if len(self.levels) == 1:
+            return 4 * words_for(shape[0]) * shape[2]
+        brick = self.levels[-1]
+        depth = self.levels[1][2] if len(self.levels) == 3 else 1
+        columns = cell_shape(shape, brick)
+        bricks = bricks_nbytes // (4 * words_for(math.prod(brick)))
+        share = -(-3 * bricks * depth // columns[2])
+        return 4 * words_for(brick[0] * brick[2]) * (min(bricks, share) + 2 * depth * columns[0])
 
     def _expected(self) -> dict[str, int]:
         """About how many bytes the arrays take whose size the surface decides."""
