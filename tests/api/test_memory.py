@@ -175,18 +175,34 @@ def test_refusals_say_what_would_fit(
     with asked_of(session) as sizes, pytest.raises(OutOfMemoryError) as caught:
         build(levels, fill, budget)
     assert model._arrays.voxels.nbytes not in sizes
-    text = str(caught.value)
-    assert "{} x {} x {} voxels need".format(*GRIDS[levels].shape) in text
+    assert "{} x {} x {} voxels need".format(*GRIDS[levels].shape) in str(caught.value)
     assert needed_by(caught.value) > budget
-    assert f"; {budget:,} may be used" in text
-    found = re.search(r"A pitch of ([0-9.]+), about ([0-9]+) voxels along the longest side", text)
-    assert found, text
-    pitch = float(found[1])
-    grid = Grid.fit(MESH, pitch=pitch)
-    assert abs(max(grid.shape) - int(found[2])) <= 2
+    assert f"; {budget:,} may be used" in str(caught.value)
     sides = LEVELS[levels][1:] if LEVELS[levels] else [(8, 8, 8)]
+    heed(caught.value, MESH, sides, fill, budget)
+
+
+def heed(
+    error: OutOfMemoryError, mesh: trimesh.Trimesh, sides: list[Any], fill: Fill, budget: int
+) -> None:
+    """Do as the message says, which must do."""
+    found = re.search(r"A pitch of ([0-9.]+), about ([0-9]+) voxels along the longest", str(error))
+    assert found, error
+    grid = Grid.fit(mesh, pitch=float(found[1]))
+    assert abs(max(grid.shape) - int(found[2])) <= 2
     cells = -(-np.array(grid.shape) // np.prod(np.array([(1, 1, 1), *sides]), axis=0))
-    clvox.voxelize(MESH, grid=grid, levels=[cells, *sides], fill=fill, memory_budget=budget)
+    clvox.voxelize(mesh, grid=grid, levels=[cells, *sides], fill=fill, memory_budget=budget)
+
+
+@pytest.mark.parametrize("brick", [(8, 8, 8), (16, 2, 16)])
+def test_refusals_say_what_would_fit_for_a_plate(brick: Any) -> None:
+    """All bricks are in one slab, and must have room to be filled."""
+    plate = trimesh.creation.box((10, 10, 0.2))
+    grid = Grid.fit(plate, resolution=640)
+    cells = -(-np.array(grid.shape) // brick)
+    with pytest.raises(OutOfMemoryError) as caught:
+        clvox.voxelize(plate, grid=grid, levels=[cells, brick], memory_budget=160_000)
+    heed(caught.value, plate, [brick], "parity", 160_000)
 
 
 def test_a_budget_for_nothing() -> None:
