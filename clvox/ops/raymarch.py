@@ -54,6 +54,7 @@ def march_surface(
         columns * rows,
         *(int2(columns, rows), int4(arrays.shape), int4(arrays.columns), *_ray_arguments(rays)),
         *(*arrays.arguments(), hits),
+        steps=sum(arrays.columns),
     )
     return hits
 
