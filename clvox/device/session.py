@@ -104,8 +104,10 @@ class Session:
         try:
             yield job
         except BaseException:
-            self.finish()
-            job.abandon()
+            try:
+                self.finish()
+            finally:
+                job.abandon()
             raise
         finally:
             self._local.job = outer

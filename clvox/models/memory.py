@@ -118,8 +118,8 @@ class Room:
         shape = " x ".join(map(str, self.grid.shape))
         if self.session.size_of(arrays[main]) > largest:
             raise OutOfMemoryError(
-                f"the {main} of {shape} voxels take {arrays[main]:,} bytes at once; "
-                f"{self.session.device} allows {largest:,} in one buffer. "
+                f"{shape} voxels need {arrays[main]:,} bytes in one buffer for {main}; "
+                f"{self.session.device} allows {largest:,}. "
                 f"{self._advice(dict(arrays), largest)}"
             )
         if needed > self.job.most:
@@ -127,21 +127,19 @@ class Room:
                 f"{shape} voxels need {needed:,} bytes of the device or more ({result:,} for the "
                 f"result); {self.job.most:,} may be used. "
                 f"{self._advice(dict(arrays), self.job.most - work - LEAST_WORK)}"
+                "Otherwise give a larger memory_budget."
             )
         return self.job.most - result - work - SMALL
 
     def _advice(self, known: dict[str, int], room: int) -> str:
-        """What would fit into *room* bytes."""
+        """What would fit into *room* bytes; nothing if nothing would."""
         factor = self._coarsening(self._expected() | known, room)
         if factor is None:
-            return "Give a larger memory_budget."
+            return ""
         widths = [_round_up(width * factor) for width in self.grid.spacing]
         pitch = str(widths[0]) if len(set(widths)) == 1 else f"({', '.join(map(str, widths))})"
         longest = math.floor(max(self.grid.shape) / factor)
-        return (
-            f"A pitch of {pitch}, about {longest} voxels along the longest side, would fit; or "
-            "give a larger memory_budget."
-        )
+        return f"A pitch of {pitch}, about {longest} voxels along the longest side, would fit. "
 
     def _coarsening(self, arrays: Mapping[str, int], room: int) -> float | None:
         """By how much wider voxels would do; None if none would.
