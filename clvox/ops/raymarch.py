@@ -94,7 +94,7 @@ def shade_surface(
         *(_float4(paint.colour), _float4(paint.background)),
         *(np.int32(len(paint.offsets)), session.upload(paint.offsets), hits),
         *(*arrays.arguments(), pixels),
-        steps=SIDE**2 * WINDOW**3,
+        steps=SIDE**2 * (2 * WINDOW + 1) ** 3,
     )
     return pixels
 
