@@ -19,6 +19,8 @@ from clvox.models.voxels import VoxelModel
 from clvox.ops import crossings
 from clvox.ops.facets import Progress, upload_facets
 
+__all__ = ["Fill", "count_crossings", "voxelize"]
+
 
 def voxelize(
     mesh: MeshLike | Surface,

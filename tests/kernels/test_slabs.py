@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -240,6 +241,25 @@ def test_the_host_is_not_far_ahead(session: Session) -> None:
 
 
 # Jobs
+
+
+def test_a_job_is_of_one_thread(session: Session) -> None:
+    found: list[Any] = []
+
+    def work() -> None:
+        found.append(session.current_job)
+        found.append(session.empty(20_000, np.uint8))
+
+    with session.job(10_000) as job:
+        with session.job(5000) as inner:
+            assert session.current_job is inner
+        assert session.current_job is job
+        thread = threading.Thread(target=work)
+        thread.start()
+        thread.join()
+        assert job.nbytes == 0
+    assert found[0] is None
+    assert found[1].nbytes == 20_000
 
 
 def test_a_job_counts_its_own_arrays(session: Session) -> None:
