@@ -62,6 +62,73 @@ __kernel void fill_cells(
     inside[word] = bits;
 }
 
+/* Most edges whose curtain meets a box and is followed from sample to sample. */
+#define MET 32
+
+/* What the curtain winds around the samples of a box.
+ * smooth: it is `winding` at the sample `start`, and anywhere else the same but for jumps across
+ * the curtain over the edges `met`, and for no more than `change`; else nothing is known. */
+typedef struct {
+    int3 start;
+    bool smooth;
+    float winding, change;
+    uint count;
+    uint met[MET];
+} Curtain;
+
+static inline void hang_curtain(
+    Curtain *curtain, const Box box, const uint edges, const float4 scale,
+    const __global int *rim)
+{
+    curtain->start = box.low;
+    curtain->smooth = true;
+    curtain->change = MARGIN;
+    curtain->count = 0;
+    for (uint edge = 0; edge < edges && curtain->smooth; ++edge) {
+        const int3 a = vload3(2 * (ulong)edge, rim);
+        const int3 b = vload3(2 * (ulong)edge + 1, rim);
+        const float gap = gap_to(box, a, b, scale);
+        /* From the first sample to any other it is twice as far as from the centre. */
+        curtain->change += 2.0f * change_of(box, gap, a, b, scale);
+        if (gap <= 0.0f || curtain->change >= 0.5f) {
+            curtain->smooth = false;
+        } else if (curtain_meets(box, a, b)) {
+            if (curtain->count == MET || box.low.y <= max(a.y, b.y)) curtain->smooth = false;
+            else curtain->met[curtain->count++] = edge;
+        }
+    }
+    if (curtain->smooth) curtain->winding = curtain_winding(rim, edges, box.low, scale);
+}
+
+/* Is the sample at p inside, after crossings whose signs have the sum `sum`? */
+static inline bool is_inside(
+    const Curtain *curtain, const int sum, const int3 p, const uint edges, const float4 scale,
+    const __global int *rim)
+{
+    if (curtain->smooth) {
+        const int3 corner = (int3)(p.x, p.y, curtain->start.z);
+        int jumps = 0;
+        for (uint i = 0; i < curtain->count; ++i) {
+            const int3 a = vload3(2 * (ulong)curtain->met[i], rim);
+            const int3 b = vload3(2 * (ulong)curtain->met[i] + 1, rim);
+            jumps += jump_along(a, b, (int3)(curtain->start.x, p.y, corner.z), corner)
+                   + jump_along(a, b, corner, p);
+        }
+        const float over = (float)(sum - jumps) - curtain->winding - 0.5f;
+        if (fabs(over) > curtain->change) return over > 0.0f;
+    }
+    return (float)sum > curtain_winding(rim, edges, p, scale) + 0.5f;
+}
+
+/* Place of voxel `number` of a brick, x fastest. */
+static inline int3 place_of(const int number)
+{
+    ulong rest = number;
+    const int x = take_place(&rest, BRICK_X);
+    const int y = take_place(&rest, BRICK_Y);
+    return (int3)(x, y, (int)rest);
+}
+
 /* One work-item writes one word of one brick, if the rays through it are listed.
  * voxels: shape of the grid.  owners: (bricks, 3) int32, the cell of each brick.
  * rim, scale: winding/curtain.h.  bricks: (count, words) uint32, undefined on entry. */
@@ -76,25 +143,34 @@ __kernel void fill_bricks(
     if (id >= stop) return;
     ulong brick = id;
     const int first = 32 * take_place(&brick, BRICK_WORDS);
+    const int last = min(first + 32, BRICK_X * BRICK_Y * BRICK_Z);
     const int3 cell = vload3(brick, owners);
-    const int3 low = cell * (int3)(BRICK_X, BRICK_Y, BRICK_Z);
-    if (low.z < window.x || low.z > window.z) return;
+    const int3 corner = cell * (int3)(BRICK_X, BRICK_Y, BRICK_Z);
+    if (corner.z < window.x || corner.z > window.z) return;
     const int threshold
         = thresholds[((ulong)cell.z * cells.y + cell.y) * cells.x + cell.x];
-    uint bits = 0;
-    for (int lane = 0; lane < min(BRICK_X * BRICK_Y * BRICK_Z - first, 32); ++lane) {
-        ulong rest = first + lane;
-        const int x = low.x + take_place(&rest, BRICK_X);
-        const int y = low.y + take_place(&rest, BRICK_Y);
-        const int z = low.z + (int)rest;
-        if (x >= voxels.x || y >= voxels.y || z >= voxels.z) continue;
-        const int sum = signs_before(window, offsets, rows, x, y, z);
-        bool in = sum >= threshold;
-        if (threshold == MIXED) {
-            const int3 centre = (int3)(x, y, z) << STEP_BITS;
-            in = (float)sum > curtain_winding(rim, edges, centre, scale) + 0.5f;
+    Curtain curtain;
+    if (threshold == MIXED) {
+        int3 low = voxels.xyz, high = corner;
+        for (int number = first; number < last; ++number) {
+            const int3 voxel = corner + place_of(number);
+            low = min(low, voxel);
+            high = max(high, voxel);
         }
-        if (in) bits |= 1u << lane;
+        high = min(high, voxels.xyz - 1);
+        low = min(low, high);
+        hang_curtain(&curtain, make_box(low << STEP_BITS, high << STEP_BITS, scale), edges, scale,
+                     rim);
+    }
+    uint bits = 0;
+    for (int number = first; number < last; ++number) {
+        const int3 voxel = corner + place_of(number);
+        if (any(voxel >= voxels.xyz)) continue;
+        const int sum = signs_before(window, offsets, rows, voxel.x, voxel.y, voxel.z);
+        const bool in = threshold == MIXED
+            ? is_inside(&curtain, sum, voxel << STEP_BITS, edges, scale, rim)
+            : sum >= threshold;
+        if (in) bits |= 1u << (number - first);
     }
     bricks[id] = bits;
 }

@@ -16,7 +16,7 @@ from clvox.device import Session
 from clvox.grid import Shape
 from clvox.ops.combine import Operation, combine
 from clvox.ops.crossings import count_crossings
-from clvox.ops.facets import Facets, upload_facets
+from clvox.ops.facets import Facets, Progress, upload_facets
 from clvox.ops.layout import VoxelArrays
 from clvox.ops.parity import fill_parity, mark_tree, with_boundary
 
@@ -29,6 +29,8 @@ def fill_vote(
     bits: int,
     shape: Shape,
     levels: tuple[Shape, ...],
+    *,
+    progress: Progress | None = None,
 ) -> VoxelArrays:
     """Return the voxels that two of three axes, or all, take to be inside.
 
@@ -48,13 +50,7 @@ def fill_vote(
         With bricks where a triangle touches a cell or its voxels differ.
     """
     x, y, z = (
-        fill_parity(
-            session,
-            upload_facets(session, *add_curtain(vertices, faces, odd_edges, bits, shape, axis)),
-            bits,
-            shape,
-            levels,
-        )
+        _fill_along(session, vertices, faces, odd_edges, bits, shape, levels, axis, progress)
         for axis in range(3)
     )
     differ = combine(session, x, y, Operation.XOR)
@@ -66,6 +62,25 @@ def fill_vote(
     facets = upload_facets(session, vertices, faces)
     cells = mark_tree(session, facets, bits, shape, levels)
     return with_boundary(session, majority, cells)
+
+
+def _fill_along(
+    session: Session,
+    vertices: NDArray[np.int32],
+    faces: NDArray[np.int32],
+    odd_edges: NDArray[np.int32],
+    bits: int,
+    shape: Shape,
+    levels: tuple[Shape, ...],
+    axis: int,
+    progress: Progress | None,
+) -> VoxelArrays:
+    mesh = add_curtain(vertices, faces, odd_edges, bits, shape, axis)
+    arrays = fill_parity(session, upload_facets(session, *mesh), bits, shape, levels)
+    if progress is not None:
+        session.finish()
+        progress(axis + 1, 4)
+    return arrays
 
 
 def odd_rays(session: Session, facets: Facets, bits: int, shape: Shape) -> list[NDArray[np.int64]]:

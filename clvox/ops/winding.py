@@ -156,7 +156,7 @@ def _fill(
         session.run(kernel, words, *where, *frame, thresholds, cells.boundary, inside)
         kernel = session.kernel(file, "fill_bricks", **defines)
         curtain = np.uint32(rim.count), rim.scale, rim.ends
-        for start, end in _launches(bricks.size, 32 * rim.count):
+        for start, end in _launches(bricks.size, rim.count):
             session.run(
                 kernel,
                 end - start,

@@ -116,11 +116,9 @@ def test_a_small_budget_changes_nothing(session: Session) -> None:
 def test_far_from_the_rim_crossings_alone_decide(session: Session) -> None:
     """Half of all cells and more have a threshold, which is right for each of their voxels."""
     shape, side = (SHAPE, 2) if INTERPRETED else ((48, 48, 48), 4)
-    vertices, faces = BALL
-    place = np.rint((vertices * 0.4 + 0.5) * shape * (1 << BITS)).astype(np.int32)
-    part = place, faces[1:]
+    part = ball_with_a_hole(shape)
     rim = upload_rim(session, rim_of(part), STEPS[0])
-    facets = upload_facets(session, *part)
+    facets = upload_facets(session, part[0].astype(np.int32), part[1])
     cells, thresholds = classify_cells(session, facets, rim, BITS, shape, (side, side, side))
     found = thresholds.get()
     assert found.shape == cell_shape(shape, (side, side, side))[::-1]
@@ -132,3 +130,26 @@ def test_far_from_the_rim_crossings_alone_decide(session: Session) -> None:
     known = np.flatnonzero(threshold != -32768)[::7]
     winding = winding_numbers(*part, samples(shape, BITS)[known])
     np.testing.assert_array_equal(signs[known] >= threshold[known], winding > 0.5)
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_above_the_rim_jumps_across_the_curtain_are_counted(session: Session, axis: int) -> None:
+    """Most voxels there are decided from one sample of their word, by the jumps on the way."""
+    shape: Shape = (8, 9, 7) if INTERPRETED else (48, 48, 48)
+    part = ball_with_a_hole(shape, axis)
+    facets = upload_facets(session, part[0].astype(np.int32), part[1])
+    rim = upload_rim(session, rim_of(part), STEPS[1])
+    levels = cell_shape(shape, (8, 8, 8)), (8, 8, 8)
+    found = voxels_of(session, fill_winding(session, facets, rim, BITS, shape, levels)).ravel()
+    points = samples(shape, BITS)
+    winding = winding_numbers(*part, points, STEPS[1])
+    sure = np.abs(winding - 0.5) > CLOSE
+    np.testing.assert_array_equal(found[sure], winding[sure] > 0.5)
+
+
+def ball_with_a_hole(shape: Shape, axis: int = 1) -> Mesh:
+    """A ball in the middle of a grid, without its lowest triangle along an axis."""
+    vertices, faces = BALL
+    lowest = vertices[faces].mean(axis=1)[:, axis].argmin()
+    place = np.rint((vertices * 0.4 + 0.5) * shape * (1 << BITS)).astype(np.int64)
+    return place, np.delete(faces, lowest, axis=0)
