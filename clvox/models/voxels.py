@@ -16,8 +16,8 @@ from clvox import surface as surfaces
 from clvox.device import DeviceLike, Session, open_session
 from clvox.errors import GridError, MeshError
 from clvox.grid import Grid, Lattice, Shape
-from clvox.mesh import Surface
-from clvox.models import archive
+from clvox.mesh import MeshLike, Surface
+from clvox.models import archive, updates
 from clvox.models.expand import RuleName, check_bounds, expand_layers, find_rule
 from clvox.models.levels import Levels, resolve_levels
 from clvox.models.moments import center_of_mass, inertia
@@ -178,6 +178,36 @@ class VoxelModel:
         """
         arrays = combine.rebrick(self._session, self._arrays, self.levels, prune=True)
         return self._with(arrays, ())
+
+    def updated(self, mesh: MeshLike, *, changed: ArrayLike) -> VoxelModel:
+        """Return the model of this model's mesh after an edit: some of its triangles moved.
+
+        It is that of ``voxelize(mesh, grid=model.grid, levels=model.levels)`` on this model's
+        lattice (``lattice_bits=model.report.lattice_bits``), bit for bit: the same voxels in the
+        same bricks.  Only the crossings of changed triangles are looked for, as they were and as
+        they are (Young 2017), so that it costs less the less has changed; but by a fill other than
+        "parity" everything is done anew.
+
+        Parameters
+        ----------
+        mesh : trimesh.Trimesh, path, or (vertices, faces)
+            With as many triangles as the mesh that was voxelized, in the same order; closed, as
+            the fill demands.
+        changed : (n,) int
+            The numbers of the triangles with a vertex that moved, and perhaps of others.
+
+        Raises
+        ------
+        MeshError
+            A triangle that is not listed has changed; a number is out of range; the number of
+            triangles is another; or the model is not that of one mesh, but was read from a file,
+            combined, compacted, or made from an array.
+        NotClosedError, NotOrientedError
+            As for `voxelize`.
+        GridError
+            The mesh has grown beyond this model's lattice.
+        """
+        return updates.updated(self, mesh, changed)
 
     # Measures
 

@@ -1,0 +1,107 @@
+"""From the model of a mesh to that of the mesh after an edit: `cl_kernels/update`.
+
+The triangles as they were and as they are now bound what the edit changed: both meshes are closed,
+and the triangles that stayed cancel.  So the voxels inside of those few triangles, by parity, are
+the ones to flip.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import pyopencl.array as cla
+from numpy.typing import NDArray
+
+from clvox.device import Session
+from clvox.grid import Shape
+from clvox.ops.boundary import mark_cells
+from clvox.ops.combine import Operation, combine
+from clvox.ops.facets import Facets, upload_facets
+from clvox.ops.layout import Cells, VoxelArrays, int4
+from clvox.ops.multilevel import rank_cells
+from clvox.ops.parity import fill_parity, mark_tree, with_boundary
+
+MOST = 64
+"""Cells of a triangle's box that are looked at before it counts as near."""
+
+
+class Edit(NamedTuple):
+    """The triangles that changed: corners, (n, 3, 3) int32, as they were and as they are."""
+
+    before: NDArray[np.int32]
+    after: NDArray[np.int32]
+
+
+def update(
+    session: Session, arrays: VoxelArrays, mesh: Facets | None, edit: Edit, bits: int
+) -> VoxelArrays:
+    """Return the arrays of the mesh after *edit*, those that it has when it is built anew.
+
+    Parameters
+    ----------
+    arrays : VoxelArrays
+        Of the mesh before, by parity, with bricks where it touches cells and nowhere else.
+    mesh : Facets
+        All of it, after; not looked at for a dense grid.
+    edit : Edit
+    bits : int
+        Steps in a voxel, as a power of two.
+    """
+    levels, shape = arrays.levels, arrays.shape
+    before, after = (_upload(session, corners) for corners in edit)
+    both = _upload(session, np.concatenate(edit))
+    flips = fill_parity(session, both, bits, shape, levels)
+    flipped = combine(session, arrays, flips, Operation.XOR)
+    if arrays.cells is None or mesh is None:
+        return flipped
+    if len(levels) == 2:
+        cells = _mark_again(session, arrays.cells, mesh, before, after, bits, shape)
+    else:
+        cells = mark_tree(session, mesh, bits, shape, levels)
+    return with_boundary(session, flipped, cells)
+
+
+def _mark_again(
+    session: Session,
+    cells: Cells,
+    mesh: Facets,
+    before: Facets,
+    after: Facets,
+    bits: int,
+    shape: Shape,
+) -> Cells:
+    """The touched cells after an edit, from those before; looked at closely where it took place."""
+    brick = cells.brick
+    left = mark_cells(session, before, bits, shape, brick)
+    marks = VoxelArrays(cells.shape, cells.boundary)
+    kept = combine(session, marks, VoxelArrays(cells.shape, left), Operation.DIFFERENCE).voxels
+    mark_cells(session, after, bits, shape, brick, kept)
+    near = list_near(session, mesh, bits, cells.shape, brick, left)
+    mark_cells(session, near, bits, shape, brick, kept)
+    return rank_cells(session, kept, cells.shape, brick)
+
+
+def list_near(
+    session: Session, mesh: Facets, bits: int, counts: Shape, side: Shape, marks: cla.Array
+) -> Facets:
+    """Return the triangles that may touch one of the cells set in *marks*; some do not.
+
+    counts: cells along each axis; side: voxels in one; marks: as from `mark_cells`.
+    """
+    triangles = mesh.faces.shape[0]
+    listed = session.zeros(1, np.uint32)
+    near = session.empty((triangles, 3), np.int32)
+    sides = dict(zip(("CELL_X", "CELL_Y", "CELL_Z"), side, strict=True))
+    kernel = session.kernel("update/list_near.cl", "list_near", STEP_BITS=bits, MOST=MOST, **sides)
+    frame = np.uint64(triangles), int4(counts)
+    session.run(kernel, triangles, *frame, mesh.faces, mesh.vertices, marks, listed, near)
+    return Facets(mesh.vertices, near[: int(listed.get()[0])])
+
+
+def _upload(session: Session, corners: NDArray[np.int32]) -> Facets:
+    """Triangles that share no vertex, on the device."""
+    faces = np.arange(3 * len(corners), dtype=np.int32).reshape(-1, 3)
+    return upload_facets(session, np.ascontiguousarray(corners.reshape(-1, 3)), faces)
+
+
