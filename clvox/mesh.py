@@ -132,8 +132,10 @@ class Surface:
         if len(self.uneven_edges) == len(self.odd_edges):
             return
         count = np.int64(len(self.vertices))
-        keys = [edges[:, 0] * count + edges[:, 1] for edges in (self.uneven_edges, self.odd_edges)]
-        shared = self.uneven_edges[~np.isin(*keys)]
+        uneven, odd = (
+            edges[:, 0] * count + edges[:, 1] for edges in (self.uneven_edges, self.odd_edges)
+        )
+        shared = self.uneven_edges[~np.isin(uneven, odd)]
         raise NotOrientedError(
             f"the triangles face different ways: {len(shared)} edges that several of them share "
             f"are used more often one way than the other, {_first(self, shared)}. Winding numbers "

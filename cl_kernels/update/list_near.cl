@@ -14,12 +14,13 @@
 #include "boundary/overlap.h"
 
 /* One work-item looks at one triangle.
+ * first, last: corners, on the lattice, of a box that holds all marked cells.
  * grid: shape of the grid of cells.  faces: (m, 3) int32, vertices: (n, 3) int32, on the lattice.
  * marks: a bit per cell, rows padded to words.
  * listed: (1,) uint32, zero on entry: how many are on the list.
  * list: (m, 3) int32, the vertex numbers of those triangles, in no particular order. */
 __kernel void list_near(
-    const ulong count, const int4 grid,
+    const ulong count, const int4 first, const int4 last, const int4 grid,
     const __global int *restrict faces, const __global int *restrict vertices,
     const __global uint *restrict marks, __global uint *listed, __global int *restrict list)
 {
@@ -31,6 +32,7 @@ __kernel void list_near(
     const int3 c = corner_of(vertices, numbers.z);
     const int3 low = min(min(a, b), c);
     const int3 high = max(max(a, b), c);
+    if (any(low > last.xyz) || any(high < first.xyz)) return;
     const int3 side = CELL_SIDES;
     const int3 from = max(
         (int3)(first_touched(low.x, side.x), first_touched(low.y, side.y),

@@ -51,9 +51,7 @@ def build_open(
         doubtful = vote.odd_rays(session, facets, bits, shape)
     else:
         rim = winding.upload_rim(session, vertices[directed_rim(surface)], lattice.step)
-        arrays = winding.fill_winding(
-            session, facets, rim, bits, shape, levels, progress=progress
-        )
+        arrays = winding.fill_winding(session, facets, rim, bits, shape, levels, progress=progress)
     session.finish()
     progress(1, 1)
     seconds[fill] = time.perf_counter() - start

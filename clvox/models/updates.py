@@ -4,28 +4,55 @@ from __future__ import annotations
 
 import time
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from clvox._weld import BLOCK, in_halves
+from clvox.device import Session
 from clvox.errors import MeshError
 from clvox.grid import Lattice
 from clvox.mesh import MeshLike, Surface, check
+from clvox.models.report import Report
 from clvox.ops.boundary import count_flat
 from clvox.ops.facets import upload_facets
-from clvox.ops.update import Edit, update
-
-if TYPE_CHECKING:
-    from clvox.models.voxels import VoxelModel
+from clvox.ops.layout import VoxelArrays
+from clvox.ops.update import Edit, update, upload_corners
 
 _BLOCK = 1 << 16
 """Triangles at a time."""
 
+Source: TypeAlias = tuple[Surface, Lattice]
+"""A mesh, and the lattice on which a model was made of it."""
 
-def updated(model: VoxelModel, mesh: MeshLike | Surface, changed: ArrayLike) -> VoxelModel:
-    """Return the model of *mesh*: see `VoxelModel.updated`."""
-    before, lattice = _source(model)
+
+def require_one_mesh(surfaces: tuple[Source, ...], report: Report) -> Source:
+    """Return the mesh that a model is the voxels of, and nothing else.
+
+    Raises
+    ------
+    MeshError
+        There is none, or the model became another one since.
+    """
+    if len(surfaces) != 1 or not report.fill:
+        raise MeshError(
+            "this model is not that of one mesh: models read from a file, made from an array, "
+            "combined or compacted cannot be updated. Update the models that it was made of."
+        )
+    return surfaces[0]
+
+
+def check_edit(
+    before: Surface, mesh: MeshLike | Surface, changed: ArrayLike
+) -> tuple[Surface, NDArray[np.bool_]]:
+    """Return the edited mesh, checked, and for each triangle of the caller's if it is in *changed*.
+
+    Raises
+    ------
+    MeshError
+        It has another number of triangles, or *changed* names some that are not there.
+    """
     after = check(mesh)
     count = _given(before)
     if _given(after) != count:
@@ -33,63 +60,57 @@ def updated(model: VoxelModel, mesh: MeshLike | Surface, changed: ArrayLike) -> 
             f"the edited mesh has {_given(after)} triangles, the model's has {count}; an update "
             "needs the same triangles, moved. Voxelize it anew on the model's grid (grid=)."
         )
-    listed = _numbers(changed, count)
-    if model.report.fill != "parity":
-        return _anew(model, after, lattice.bits)
-    after.require_closed()
-    # Also says whether the edited mesh has room on the lattice.
-    lattice = Lattice.fit(model.grid, after.bounds, bits=lattice.bits)
+    return after, _listed(changed, count)
 
-    model._session.reset_peak()
+
+def update_arrays(
+    session: Session,
+    arrays: VoxelArrays,
+    report: Report,
+    source: Source,
+    after: Surface,
+    listed: NDArray[np.bool_],
+) -> tuple[VoxelArrays, Report]:
+    """Return the arrays of the edited mesh *after*, by parity, and how they were made.
+
+    Parameters
+    ----------
+    arrays, report, source
+        Of the model before.
+    after, listed
+        As from `check_edit`.
+
+    Raises
+    ------
+    MeshError
+        A triangle differs that is not listed.
+    """
+    before, lattice = source
+    session.reset_peak()
     seconds = {}
     start = time.perf_counter()
     edit = _find_edit(before, after, listed, lattice)
     seconds["compare"] = time.perf_counter() - start
     start = time.perf_counter()
     facets = None
-    if len(model.levels) > 1:
-        facets = upload_facets(model._session, lattice.snap(after.vertices), after.faces)
+    if arrays.cells is not None:
+        facets = upload_facets(session, lattice.snap(after.vertices), after.faces)
     seconds["upload"] = time.perf_counter() - start
     start = time.perf_counter()
-    arrays = update(model._session, model._arrays, facets, edit, lattice.bits)
-    gone, come = (_flat(model, corners) for corners in edit)
-    model._session.finish()
+    found = update(session, arrays, facets, edit, lattice.bits)
+    gone, come = (count_flat(session, upload_corners(session, corners)) for corners in edit)
+    session.finish()
     seconds["flip"] = time.perf_counter() - start
-    report = replace(
-        model.report,
+    return found, replace(
+        report,
         seconds=seconds,
         triangles=len(after.faces),
         repeated=after.repeated,
         duplicates=after.duplicates,
         cancelled=after.cancelled,
-        collapsed=model.report.collapsed - gone + come,
-        peak_nbytes=model._session.peak_nbytes,
+        collapsed=report.collapsed - gone + come,
+        peak_nbytes=session.peak_nbytes,
         warnings=after.warnings,
-    )
-    surfaces = ((after, lattice),)
-    return replace(model, _arrays=arrays, report=report, _surfaces=surfaces)
-
-
-def _source(model: VoxelModel) -> tuple[Surface, Lattice]:
-    if len(model._surfaces) != 1 or not model.report.fill:
-        raise MeshError(
-            "this model is not that of one mesh: models read from a file, made from an array, "
-            "combined or compacted cannot be updated. Update the models that it was made of."
-        )
-    return model._surfaces[0]
-
-
-def _anew(model: VoxelModel, surface: Surface, bits: int) -> VoxelModel:
-    """By any rule but parity a triangle may change voxels far from where it is."""
-    from clvox.models.build import voxelize
-
-    return voxelize(
-        surface,
-        grid=model.grid,
-        levels=model.levels,
-        fill=model.report.fill,  # type: ignore[arg-type]
-        lattice_bits=bits,
-        device=model._session.device,
     )
 
 
@@ -98,7 +119,7 @@ def _given(surface: Surface) -> int:
     return len(surface.faces) + surface.repeated + surface.duplicates + surface.cancelled
 
 
-def _numbers(changed: ArrayLike, count: int) -> NDArray[np.bool_]:
+def _listed(changed: ArrayLike, count: int) -> NDArray[np.bool_]:
     """A bool for each triangle: whether its number is in *changed*."""
     numbers = np.asarray(changed)
     if numbers.size == 0:
@@ -110,9 +131,7 @@ def _numbers(changed: ArrayLike, count: int) -> NDArray[np.bool_]:
         )
     wrong = numbers[(numbers < 0) | (numbers >= count)]
     if len(wrong):
-        raise MeshError(
-            f"changed names triangle {wrong[0]}; the mesh has {count}, numbered from 0"
-        )
+        raise MeshError(f"changed names triangle {wrong[0]}; the mesh has {count}, numbered from 0")
     listed = np.zeros(count, np.bool_)
     listed[numbers] = True
     return listed
@@ -121,8 +140,10 @@ def _numbers(changed: ArrayLike, count: int) -> NDArray[np.bool_]:
 def _find_edit(
     before: Surface, after: Surface, listed: NDArray[np.bool_], lattice: Lattice
 ) -> Edit:
-    """The triangles that differ; only those *listed*, and those that are dropped by the check in
-    one mesh and kept in the other, may."""
+    """The triangles that differ.
+
+    Only those *listed* may, and those that the check drops from one mesh and keeps in the other.
+    """
     differ = _differing(before, after, len(listed))
     moved = np.flatnonzero((differ == _MOVED) & ~listed)
     if len(moved):
@@ -130,7 +151,7 @@ def _find_edit(
             f"triangle {moved[0]} is not where it was, and not in changed; nor are "
             f"{len(moved) - 1} more. List all triangles that have a vertex that moved."
         )
-    rows = [np.flatnonzero(differ[_face_numbers(each)] != _SAME) for each in (before, after)]
+    rows = [np.flatnonzero(_of_kept(differ, each) != _SAME) for each in (before, after)]
     corners = [
         lattice.snap(each.vertices[each.faces[some]].reshape(-1, 3)).reshape(-1, 3, 3)
         for each, some in zip((before, after), rows, strict=True)
@@ -144,10 +165,7 @@ _SAME, _MOVED, _DROPPED = 0, 1, 2
 def _differing(before: Surface, after: Surface, count: int) -> NDArray[np.int8]:
     """For each triangle that the caller gave: the same, moved, or kept in one mesh only."""
     if _alike(before, after):
-        gone = (before.vertices != after.vertices).any(axis=1)
-        return (gone[after.faces].any(axis=1) | (before.faces != after.faces).any(axis=1)).astype(
-            np.int8
-        )
+        return _changed_rows(before, after)
     differ = np.full(count, _SAME, np.int8)
     rows = np.full((2, count), -1)
     for row, surface in zip(rows, (before, after), strict=True):
@@ -174,12 +192,34 @@ def _alike(before: Surface, after: Surface) -> bool:
     )
 
 
+def _changed_rows(before: Surface, after: Surface) -> NDArray[np.int8]:
+    """The same for meshes whose numbers are alike."""
+    moved = np.zeros(len(before.vertices), np.bool_)
+    differ = np.zeros(len(before.faces), np.int8)
+
+    def compare(start: int, stop: int) -> None:
+        for at in range(start, stop, BLOCK):
+            end = min(at + BLOCK, stop)
+            apart = before.vertices[at:end] != after.vertices[at:end]
+            moved[at:end] = apart[:, 0] | apart[:, 1] | apart[:, 2]
+
+    def look_up(start: int, stop: int) -> None:
+        for at in range(start, stop, BLOCK):
+            end = min(at + BLOCK, stop)
+            faces = after.faces[at:end]
+            apart = (before.faces[at:end] != faces) | moved.take(faces)
+            differ[at:end] = apart[:, 0] | apart[:, 1] | apart[:, 2]
+
+    in_halves(compare, len(moved))
+    in_halves(look_up, len(differ))
+    return differ
+
+
+def _of_kept(differ: NDArray[np.int8], surface: Surface) -> NDArray[np.int8]:
+    """What is said of the triangles that the check has kept."""
+    return differ if surface.face_numbers is None else differ[surface.face_numbers]
+
+
 def _face_numbers(surface: Surface) -> NDArray[np.int64]:
     numbers = surface.face_numbers
     return np.arange(len(surface.faces)) if numbers is None else numbers
-
-
-def _flat(model: VoxelModel, corners: NDArray[np.int32]) -> int:
-    faces = np.arange(3 * len(corners), dtype=np.int32).reshape(-1, 3)
-    facets = upload_facets(model._session, corners.reshape(-1, 3), faces)
-    return count_flat(model._session, facets)

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 import trimesh
@@ -32,6 +32,8 @@ from clvox.ops.query import Rule
 
 if TYPE_CHECKING:
     import pyopencl.array as cla
+
+    from clvox.models.build import Fill
 
 OUTSIDE, INSIDE, BOUNDARY = 0, 1, 2
 """What `VoxelModel.classify` and coarse levels say."""
@@ -207,7 +209,17 @@ class VoxelModel:
         GridError
             The mesh has grown beyond this model's lattice.
         """
-        return updates.updated(self, mesh, changed)
+        before, lattice = source = updates.require_one_mesh(self._surfaces, self.report)
+        after, listed = updates.check_edit(before, mesh, changed)
+        if self.report.fill != "parity":
+            return self._anew(after, lattice.bits)
+        after.require_closed()
+        # Only says whether the edited mesh has room on the lattice.
+        Lattice.fit(self.grid, after.bounds, bits=lattice.bits)
+        arrays, report = updates.update_arrays(
+            self._session, self._arrays, self.report, source, after, listed
+        )
+        return replace(self, _arrays=arrays, report=report, _surfaces=((after, lattice),))
 
     # Measures
 
@@ -496,6 +508,19 @@ class VoxelModel:
         known = self._surfaces and other._surfaces
         surfaces = tuple(dict.fromkeys(self._surfaces + other._surfaces)) if known else ()
         return self._with(arrays, surfaces)
+
+    def _anew(self, surface: Surface, bits: int) -> VoxelModel:
+        """The model of another mesh, made like this one."""
+        from clvox.models.build import voxelize
+
+        return voxelize(
+            surface,
+            grid=self.grid,
+            levels=self.levels,
+            fill=cast("Fill", self.report.fill),
+            lattice_bits=bits,
+            device=self._session.device,
+        )
 
     def _with(
         self, arrays: VoxelArrays, surfaces: tuple[tuple[Surface, Lattice], ...]

@@ -40,12 +40,12 @@ _BYTES_PER_ENTRY = 32
 class Rim(NamedTuple):
     """The edges of an open mesh that are not used equally often both ways, on the device.
 
-    ends: (count, 2, 3) int32, lattice positions, each edge as the triangles run along it more
-    often; count; scale: a kernel's argument, the widths of a lattice step.
+    ends: (edges, 2, 3) int32, lattice positions, each edge as the triangles run along it more
+    often; scale: a kernel's argument, the widths of a lattice step.
     """
 
     ends: cla.Array
-    count: int
+    edges: int
     scale: np.generic
 
 
@@ -118,11 +118,11 @@ def _classify(
     else:
         blocks, factor = cast("Shape", above.shape[::-1]), BLOCK
     frame = int4(shape), int4(counts), int4(side), int4(blocks), np.int32(factor)
-    for first, last in _launches(math.prod(counts), rim.count):
+    for first, last in _launches(math.prod(counts), rim.edges):
         session.run(
             kernel,
             last - first,
-            *(np.uint64(first), np.uint64(last), *frame, np.uint32(rim.count), rim.scale),
+            *(np.uint64(first), np.uint64(last), *frame, np.uint32(rim.edges), rim.scale),
             *(rim.ends, above, thresholds, marks),
         )
     return thresholds
@@ -155,8 +155,8 @@ def _fill(
         where = np.uint64(words), np.int32(first), counts
         session.run(kernel, words, *where, *frame, thresholds, cells.boundary, inside)
         kernel = session.kernel(file, "fill_bricks", **defines)
-        curtain = np.uint32(rim.count), rim.scale, rim.ends
-        for start, end in _launches(bricks.size, rim.count):
+        curtain = np.uint32(rim.edges), rim.scale, rim.ends
+        for start, end in _launches(bricks.size, rim.edges):
             session.run(
                 kernel,
                 end - start,

@@ -22,6 +22,7 @@ from clvox.reference.boundary import touched
 from clvox.reference.crossings import AXES
 from clvox.reference.crossings import fill_parity as twin_parity
 from tests.kernels.cases import INTERPRETED, soup
+from tests.kernels.models import assert_same_arrays
 from tests.strategies import FAMILIES, Mesh, adversarial_meshes, closed_meshes
 
 if TYPE_CHECKING:
@@ -147,17 +148,3 @@ def test_odd_rays_are_those_of_the_twin(session: Session, mesh: Mesh, kept: int)
     facets = upload_facets(session, vertices.astype(np.int32), faces)
     found = [list(map(tuple, rays.tolist())) for rays in odd_rays(session, facets, BITS, SHAPE)]
     assert found == twin.odd_rays(vertices, faces, BITS, SHAPE)
-
-
-def assert_same_arrays(one: VoxelArrays, other: VoxelArrays) -> None:
-    """Bit for bit, down to which cells have bricks."""
-    np.testing.assert_array_equal(one.voxels.get(), other.voxels.get())
-    for a, b in (
-        (one.inside, other.inside),
-        (one.middle_inside, other.middle_inside),
-        (one.cells and one.cells.boundary, other.cells and other.cells.boundary),
-        (one.cells and one.cells.last.boundary, other.cells and other.cells.last.boundary),
-    ):
-        assert (a is None) == (b is None)
-        if a is not None and b is not None:
-            np.testing.assert_array_equal(a.get(), b.get())

@@ -51,9 +51,7 @@ def by_winding(
 ) -> NDArray[np.bool_]:
     facets = upload_facets(session, mesh[0].astype(np.int32), mesh[1])
     rim = upload_rim(session, rim_of(mesh), step)
-    arrays = fill_winding(
-        session, facets, rim, BITS, SHAPE, LEVELS[levels], list_bytes=list_bytes
-    )
+    arrays = fill_winding(session, facets, rim, BITS, SHAPE, LEVELS[levels], list_bytes=list_bytes)
     return voxels_of(session, arrays)
 
 
@@ -108,9 +106,7 @@ def test_on_a_closed_mesh_it_is_the_positive_rule(session: Session, mesh: Mesh) 
 def test_a_small_budget_changes_nothing(session: Session) -> None:
     mesh = opened(adversarial_meshes(43, 1, BITS, SHAPE, families=["ball"])[0], 12)
     expected = by_winding(session, mesh, "small bricks")
-    np.testing.assert_array_equal(
-        by_winding(session, mesh, "small bricks", list_bytes=1), expected
-    )
+    np.testing.assert_array_equal(by_winding(session, mesh, "small bricks", list_bytes=1), expected)
 
 
 def test_far_from_the_rim_crossings_alone_decide(session: Session) -> None:
