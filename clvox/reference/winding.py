@@ -41,12 +41,13 @@ def winding_numbers(
     A. Jacobson, L. Kavan, O. Sorkine-Hornung, "Robust inside-outside segmentation using
     generalized winding numbers", ACM Transactions on Graphics 32(4), 2013.
     """
-    corners = np.asarray(vertices, dtype=np.int64)[np.asarray(faces)]
-    places = np.asarray(points, dtype=np.int64).reshape(-1, 3)
+    spots = np.asarray(vertices, dtype=np.float64)
+    places = np.asarray(points, dtype=np.float64).reshape(-1, 3)
     scale = np.asarray(step, dtype=np.float64)
-    block = max(1, _PAIRS // max(1, len(corners)))
+    triangles = np.asarray(faces)
+    block = max(1, _PAIRS // max(1, len(triangles)))
     found = [
-        _angles(corners, places[start : start + block], scale)
+        _turns(spots, triangles, places[start : start + block], scale)
         for start in range(0, len(places), block)
     ]
     return np.concatenate(found) if found else np.empty(0)
@@ -58,27 +59,35 @@ def samples(shape: Shape, bits: int) -> NDArray[np.int64]:
     return np.stack([i, j, k], axis=1).astype(np.int64) << bits
 
 
-def _angles(
-    corners: NDArray[np.int64], points: NDArray[np.int64], scale: NDArray[np.float64]
+def _turns(
+    spots: NDArray[np.float64],
+    faces: NDArray[np.integer],
+    points: NDArray[np.float64],
+    scale: NDArray[np.float64],
 ) -> NDArray[np.float64]:
-    from_point = corners[None] - points[:, None, None]
-    a, b, c = (from_point[:, :, corner] for corner in range(3))
-    # Below 2^63 for coordinates within 2^20; else the sign of a float will do.
-    exact = np.abs(from_point).max(initial=0) < 1 << 20
-    kind = np.int64 if exact else np.float64
-    volume = (np.cross(a.astype(kind), b.astype(kind)) * c).sum(axis=-1)
-    normal = np.cross((b - a).astype(kind), (c - a).astype(kind))
-    side = np.sign(volume)
+    """The winding numbers of a few points.
+
+    What depends on a point and a triangle is linear or quadratic in the point, so it comes from
+    products of matrices.  Lattice positions within 2**16 or so make it exact.
+    """
+    a, b, c = (spots[corner] for corner in faces.T)
+    normal = np.cross(b - a, c - a)
+    volume = np.einsum("ij,ij->i", np.cross(a, b), c) - points @ normal.T
+    # On the plane, the infinitesimal move decides on which side.
+    tie = np.zeros(len(faces))
     for axis in range(3):
-        side = np.where(side == 0, -np.sign(normal[..., axis]), side)
-    lengths = np.linalg.norm(from_point * scale, axis=-1)
-    p, q, r = (part * scale for part in (a, b, c))
-    below = (
-        lengths.prod(axis=-1)
-        + (p * q).sum(axis=-1) * lengths[..., 2]
-        + (q * r).sum(axis=-1) * lengths[..., 0]
-        + (r * p).sum(axis=-1) * lengths[..., 1]
-    )
-    half_angles = side * np.arctan2(np.abs(volume) * scale.prod(), below)
-    total: NDArray[np.float64] = half_angles.sum(axis=1) / (2 * np.pi)
+        tie = np.where(tie == 0, -np.sign(normal[:, axis]), tie)
+    side = np.where(volume == 0, tie, np.sign(volume))
+
+    metric = scale**2
+    lengths = np.sqrt(np.square((spots - points[:, None]) * scale).sum(axis=-1))
+    p, q, r = (lengths[:, corner] for corner in faces.T)
+    below = p * q * r
+    weighted = points * metric
+    own = np.einsum("ij,ij->i", points, weighted)[:, None]
+    for one, other, length in ((a, b, r), (b, c, p), (c, a, q)):
+        inner = np.einsum("ij,ij->i", one * metric, other) - weighted @ (one + other).T + own
+        below += inner * length
+    angles = side * np.arctan2(np.abs(volume) * scale.prod(), below)
+    total: NDArray[np.float64] = angles.sum(axis=1) / (2 * np.pi)
     return total
