@@ -117,7 +117,8 @@ def test_triangles_may_be_joined_in_another_way() -> None:
         a, b = b, a
     faces[pair] = [[c, a, d], [c, d, b]]
     edited = trimesh.Trimesh(mesh.vertices, faces, process=False)
-    assert edited.is_watertight and edited.volume != mesh.volume
+    assert edited.is_watertight
+    assert edited.volume != mesh.volume
     assert_same(model.updated(edited, changed=pair), voxelize(edited))
 
 
@@ -131,7 +132,7 @@ def test_other_fills_are_done_anew(fill: Fill) -> None:
 
 def test_a_pickled_model_can_be_updated() -> None:
     mesh = PAIRS["balls"][0]
-    model = pickle.loads(pickle.dumps(voxelize(mesh)))
+    model = pickle.loads(pickle.dumps(voxelize(mesh)))  # noqa: S301
     edited, changed = pulled(mesh, (0.0, 0.0, 1.0), 1.1)
     assert_same(model.updated(edited, changed=changed), voxelize(edited))
 
