@@ -95,7 +95,7 @@ def test_triangles_that_share_nothing_are_voted_on(session: Session) -> None:
         np.testing.assert_array_equal(found, twin.fill_vote(*mesh, BITS, SHAPE))
 
 
-@every_level
+@pytest.mark.parametrize("levels", ["small bricks", "three levels"])
 @given(mesh=closed_meshes(BITS, SHAPE))
 def test_on_a_closed_mesh_it_is_parity_with_the_same_arrays(
     session: Session, levels: str, mesh: Mesh

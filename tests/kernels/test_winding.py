@@ -137,10 +137,10 @@ def test_above_the_rim_jumps_across_the_curtain_are_counted(session: Session, ax
     rim = upload_rim(session, rim_of(part), STEPS[1])
     levels = cell_shape(shape, (8, 8, 8)), (8, 8, 8)
     found = voxels_of(session, fill_winding(session, facets, rim, BITS, shape, levels)).ravel()
-    points = samples(shape, BITS)
-    winding = winding_numbers(*part, points, STEPS[1])
+    some = slice(None, None, 3)
+    winding = winding_numbers(*part, samples(shape, BITS)[some], STEPS[1])
     sure = np.abs(winding - 0.5) > CLOSE
-    np.testing.assert_array_equal(found[sure], winding[sure] > 0.5)
+    np.testing.assert_array_equal(found[some][sure], winding[sure] > 0.5)
 
 
 def ball_with_a_hole(shape: Shape, axis: int = 1) -> Mesh:
