@@ -1,12 +1,12 @@
 /*
  * update/decide_cells.cl: the cells without a brick after an edit.
  *
- * Voxels change where the model before and the flips differ.  The cells that need a brick are known;
- * in each of the others all voxels are alike, so that the first one tells, although the model
- * before or the flips may have a brick there.
+ * A voxel is inside if the model before and the flips differ there.  The cells that need a brick
+ * are known; in each of the others all voxels are alike, so that the first one tells, although the
+ * model before or the flips may have a brick there.
  *
  * Host:       clvox/ops/update.py, _flip()
- * Reference:  clvox/reference/multilevel.py, build()
+ * Reference:  clvox/reference/multilevel.py, build(), of the edited mesh
  * Tests:      tests/kernels/test_update.py
  * Defines:    LEVELS = 2, RULE = 0, BRICK_*  of the models (common/model.h)
  */

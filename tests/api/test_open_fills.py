@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from pathlib import Path
 
@@ -10,6 +11,7 @@ import pytest
 import trimesh
 
 import clvox
+from clvox.cli import main
 from clvox.grid import Axis, Lattice
 from clvox.mesh import check
 from clvox.models.build import Fill
@@ -170,3 +172,20 @@ def test_the_open_bunny_is_a_sum_of_solid_angles(
     assert np.abs(winding - 0.5).min() > 1e-3
     i, j, k = voxels.T
     np.testing.assert_array_equal(bunny.to_array()[k, j, i], winding > 0.5)
+
+
+@every_fill
+def test_the_command_line_takes_open_meshes(
+    fill: Fill, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "open.ply"
+    opened = with_a_hole(ball(1.0, 0, 0, 0), -0.9)
+    opened.export(path)
+    assert main(["voxelize", str(path), "-r", "24", "--fill", fill, "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    model = clvox.voxelize(path, resolution=24, fill=fill)
+    assert found["count"] == model.count
+    assert found["report"]["doubtful_rays"] == model.report.doubtful_rays
+    rays = [list(ray) for ray in model.report.first_doubtful_rays]
+    assert found["report"]["first_doubtful_rays"] == rays
+    assert bool(rays) == (fill == "vote")
