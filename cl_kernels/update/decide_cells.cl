@@ -2,21 +2,20 @@
  * update/decide_cells.cl: the cells without a brick after an edit.
  *
  * A voxel is inside if the model before and the flips differ there.  The cells that need a brick
- * are known; in each of the others all voxels are alike, so that the first one tells, although the
- * model before or the flips may have a brick there.
+ * are known.  A cell that loses its brick was touched by triangles that changed and by no others,
+ * so that the flips have a brick there, too; as it is touched no more, any of its voxels tells.
  *
  * Host:       clvox/ops/update.py, _flip()
  * Reference:  clvox/reference/multilevel.py, build(), of the edited mesh
  * Tests:      tests/kernels/test_update.py
- * Defines:    LEVELS = 2, RULE = 0, BRICK_*  of the models (common/model.h)
+ * Defines:    LEVELS = 2, BRICK_*  of the models (common/bricks.h)
  */
-#include "common/model.h"
+#include "common/bricks.h"
 
 static inline uint first_voxel(
-    const __global uint *boundary, const __global uint *rank, const __global uint *inside,
-    const __global uint *bricks, const ulong word, const int lane)
+    const __global uint *boundary, const __global uint *rank, const __global uint *bricks,
+    const ulong word, const int lane)
 {
-    if (!(boundary[word] >> lane & 1)) return inside[word] >> lane & 1;
     return bricks[(ulong)rank_of(boundary, rank, word, lane) * BRICK_WORDS] & 1;
 }
 
@@ -33,12 +32,11 @@ __kernel void decide_cells(
 {
     const ulong word = get_global_id(0);
     if (word >= words) return;
-    const uint open = (boundary_a[word] | boundary_b[word]) & ~needed[word];
-    uint bits = (inside_a[word] ^ inside_b[word]) & ~needed[word] & ~open;
-    for (uint left = open; left; left &= left - 1) {
-        const int lane = popcount((left & -left) - 1);
-        bits |= (first_voxel(boundary_a, rank_a, inside_a, bricks_a, word, lane)
-                 ^ first_voxel(boundary_b, rank_b, inside_b, bricks_b, word, lane)) << lane;
+    uint bits = (inside_a[word] ^ inside_b[word]) & ~needed[word];
+    for (uint lost = boundary_a[word] & ~needed[word]; lost; lost &= lost - 1) {
+        const int lane = popcount((lost & -lost) - 1);
+        bits |= (first_voxel(boundary_a, rank_a, bricks_a, word, lane)
+                 ^ first_voxel(boundary_b, rank_b, bricks_b, word, lane)) << lane;
     }
     inside[word] = bits;
 }

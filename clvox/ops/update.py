@@ -66,7 +66,7 @@ def update(
 def _flip(session: Session, arrays: VoxelArrays, flips: VoxelArrays, cells: Cells) -> VoxelArrays:
     """The voxels that differ between two models of two levels, in bricks where *cells* has them."""
     operands = *arrays.arguments()[1:-1], *flips.arguments()[1:-1]
-    defines = {"RULE": int(Rule.CENTRE), **arrays.defines}
+    defines = arrays.defines
     inside = session.empty(cells.boundary.shape, np.uint32)
     kernel = session.kernel("update/decide_cells.cl", "decide_cells", **defines)
     words = np.uint64(inside.size)
@@ -74,7 +74,7 @@ def _flip(session: Session, arrays: VoxelArrays, flips: VoxelArrays, cells: Cell
     bricks = session.empty((cells.count, cells.brick_words), np.uint32)
     if bricks.size:
         owners = list_bricks(session, cells)
-        defines["OP"] = int(Operation.XOR)
+        defines |= {"RULE": int(Rule.CENTRE), "OP": int(Operation.XOR)}
         kernel = session.kernel("combine/combine.cl", "combine_bricks", **defines)
         frame = np.uint64(bricks.size), int4(arrays.shape), int4(cells.shape), owners
         session.run(kernel, bricks.size, *frame, *operands, bricks)

@@ -75,7 +75,8 @@ def test_near_triangles_are_those_of_the_twin(session: Session, side: Shape) -> 
     rng = np.random.default_rng(53)
     whole = np.array([[-(2**24)] * 3, [2**24] * 3])
     for mesh in meshes_for(54, 60, BITS, SHAPE):
-        marks: NDArray[np.bool_] = rng.random(counts[::-1]) < 0.1
+        # Mostly few, so that large triangles are near no marked cell.
+        marks: NDArray[np.bool_] = rng.random(counts[::-1]) < rng.choice([0.0, 0.003, 0.1])
         vertices, faces = mesh[0].astype(np.int32), mesh[1]
         words = session.upload(pack_bits(marks))
         facets = upload_facets(session, vertices, faces)
