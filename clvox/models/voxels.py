@@ -181,7 +181,7 @@ class VoxelModel:
         arrays = combine.rebrick(self._session, self._arrays, self.levels, prune=True)
         return self._with(arrays, ())
 
-    def updated(self, mesh: MeshLike, *, changed: ArrayLike) -> VoxelModel:
+    def updated(self, mesh: MeshLike | Surface, *, changed: ArrayLike) -> VoxelModel:
         """Return the model of this model's mesh after an edit: some of its triangles moved.
 
         It is that of ``voxelize(mesh, grid=model.grid, levels=model.levels)`` on this model's
