@@ -24,14 +24,14 @@
  * thresholds: int16 per cell, x fastest: the least sum of signs that is inside, or MIXED.
  * marks: a bit per cell, rows padded to words, added to: set for MIXED. */
 __kernel void classify_cells(
-    const ulong first, const ulong last, const int4 voxels, const int4 cells, const int4 side,
+    const ulong count, const int4 voxels, const int4 cells, const int4 side,
     const int4 blocks, const int factor, const uint edges, const float4 scale,
     const __global int *restrict rim, const __global short *restrict above,
     __global short *restrict thresholds, __global uint *restrict marks)
 {
     #pragma OPENCL FP_CONTRACT OFF
-    const ulong id = first + get_global_id(0);
-    if (id >= last) return;
+    const ulong id = get_global_id(0);
+    if (id >= count) return;
     ulong number = id;
     const int x = take_place(&number, cells.x);
     const int y = take_place(&number, cells.y);

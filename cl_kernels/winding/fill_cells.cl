@@ -133,14 +133,14 @@ static inline int3 place_of(const int number)
  * voxels: shape of the grid.  owners: (bricks, 3) int32, the cell of each brick.
  * rim, scale: winding/curtain.h.  bricks: (count, words) uint32, undefined on entry. */
 __kernel void fill_bricks(
-    const ulong start, const ulong stop, const int4 voxels, const int4 cells, const int4 window,
+    const ulong words, const int4 voxels, const int4 cells, const int4 window,
     const uint edges, const float4 scale, const __global int *restrict rim,
     const __global ulong *restrict offsets, const __global long *restrict rows,
     const __global short *restrict thresholds, const __global int *restrict owners,
     __global uint *restrict bricks)
 {
-    const ulong id = start + get_global_id(0);
-    if (id >= stop) return;
+    const ulong id = get_global_id(0);
+    if (id >= words) return;
     ulong brick = id;
     const int first = 32 * take_place(&brick, BRICK_WORDS);
     const int last = min(first + 32, BRICK_X * BRICK_Y * BRICK_Z);

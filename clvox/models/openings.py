@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import time
-
 import numpy as np
 from numpy.typing import NDArray
 
 from clvox.device import Session
 from clvox.grid import Lattice, Shape
 from clvox.mesh import Surface
+from clvox.models.construct import timed
 from clvox.models.report import MOST_DOUBTFUL, Report
+from clvox.models.telling import Told
 from clvox.models.voxels import VoxelModel
 from clvox.ops import boundary, vote, winding
 from clvox.ops.facets import Progress, upload_facets
@@ -25,36 +25,36 @@ def build_open(
     lattice: Lattice,
     levels: tuple[Shape, ...],
     fill: str,
+    budget: int,
     tell: Progress | None,
 ) -> VoxelModel:
-    """Return the model of *surface* by one of `OPEN_FILLS`."""
-    session.reset_peak()
-    seconds = {}
-    start = time.perf_counter()
-    vertices = lattice.snap(surface.vertices)
-    facets = upload_facets(session, vertices, surface.faces)
+    """Return the model of *surface* by one of `OPEN_FILLS`.
+
+    budget: bytes of the device that may be taken at once; what needs more is refused.
+    """
+    seconds: dict[str, float] = {}
     bits, shape, triangles = lattice.bits, lattice.grid.shape, len(surface.faces)
-    collapsed = boundary.count_flat(session, facets)
-    seconds["upload"] = time.perf_counter() - start
-
-    def progress(done: int, total: int) -> None:
-        if tell is not None:
-            tell(2 * triangles * done // total, 2 * triangles)
-
-    start = time.perf_counter()
+    told = Told(tell, 2 * triangles)
     doubtful: list[NDArray[np.int64]] = []
-    if fill == "vote":
-        edges = surface.odd_edges
-        arrays = vote.fill_vote(
-            session, vertices, surface.faces, edges, bits, shape, levels, progress=progress
-        )
-        doubtful = vote.odd_rays(session, facets, bits, shape)
-    else:
-        rim = winding.upload_rim(session, vertices[directed_rim(surface)], lattice.step)
-        arrays = winding.fill_winding(session, facets, rim, bits, shape, levels, progress=progress)
-    session.finish()
-    progress(1, 1)
-    seconds[fill] = time.perf_counter() - start
+    with session.job(budget, told.again) as job:
+        with timed(session, seconds, "upload"):
+            vertices = lattice.snap(surface.vertices)
+            facets = upload_facets(session, vertices, surface.faces)
+            collapsed = boundary.count_flat(session, facets)
+        with timed(session, seconds, fill):
+            progress = told.part(0, 1)
+            if fill == "vote":
+                mesh = vertices, surface.faces, surface.odd_edges
+                arrays = vote.fill_vote(session, *mesh, bits, shape, levels, progress=progress)
+                doubtful = vote.odd_rays(session, facets, bits, shape)
+            else:
+                rim = winding.upload_rim(session, vertices[directed_rim(surface)], lattice.step)
+                arrays = winding.fill_winding(
+                    session, facets, rim, bits, shape, levels, progress=progress
+                )
+        if progress is not None:
+            progress(1, 1)
+        del facets
     named = dict(zip("xyz", doubtful, strict=False))
     report = Report(
         device=str(session.device),
@@ -71,7 +71,7 @@ def build_open(
             (axis, u, v) for axis, rays in named.items() for u, v in rays[:MOST_DOUBTFUL].tolist()
         ),
         lattice_bits=bits,
-        peak_nbytes=session.peak_nbytes,
+        peak_nbytes=job.peak_nbytes,
         warnings=(*surface.warnings, *_doubts(named)),
     )
     return VoxelModel(session, lattice.grid, arrays, report, ((surface, lattice),))

@@ -35,7 +35,8 @@ class Report:
     lattice_bits : int
         Steps of the lattice in a voxel, as a power of two.
     peak_nbytes : int
-        Most bytes of device memory in use while it was built.
+        Most bytes of device memory that building took at once, the model included; those of
+        other models do not count.
     warnings : tuple of str
         What a user should know about the mesh.
     """

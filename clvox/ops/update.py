@@ -19,12 +19,15 @@ from clvox.ops.boundary import mark_cells
 from clvox.ops.combine import Operation, combine
 from clvox.ops.facets import Facets, upload_facets
 from clvox.ops.layout import Cells, VoxelArrays, int4
-from clvox.ops.multilevel import list_bricks, rank_cells
+from clvox.ops.multilevel import BITS, list_bricks, rank_cells
 from clvox.ops.parity import fill_parity, mark_tree, with_boundary
 from clvox.ops.query import Rule
 
 MOST = 64
 """Cells of a triangle's box that are looked at before it counts as near."""
+
+_TRIANGLE_STEPS = 16
+"""What looking at a triangle costs, more or less."""
 
 
 class Edit(NamedTuple):
@@ -70,7 +73,7 @@ def _flip(session: Session, arrays: VoxelArrays, flips: VoxelArrays, cells: Cell
     inside = session.empty(cells.boundary.shape, np.uint32)
     kernel = session.kernel("update/decide_cells.cl", "decide_cells", **defines)
     words = np.uint64(inside.size)
-    session.run(kernel, inside.size, words, *operands, cells.boundary, inside)
+    session.run(kernel, inside.size, words, *operands, cells.boundary, inside, steps=BITS)
     bricks = session.empty((cells.count, cells.brick_words), np.uint32)
     if bricks.size:
         owners = list_bricks(session, cells)
@@ -123,7 +126,8 @@ def list_near(
     kernel = session.kernel("update/list_near.cl", "list_near", STEP_BITS=bits, MOST=MOST, **sides)
     first, last = (int4(cast("Shape", tuple(corner))) for corner in box.tolist())
     frame = np.uint64(triangles), first, last, int4(counts)
-    session.run(kernel, triangles, *frame, mesh.faces, mesh.vertices, marks, listed, near)
+    arrays = mesh.faces, mesh.vertices, marks, listed, near
+    session.run(kernel, triangles, *frame, *arrays, steps=_TRIANGLE_STEPS)
     return Facets(mesh.vertices, near[: int(listed.get()[0])])
 
 

@@ -19,7 +19,7 @@ from clvox.ops.crossings import Window, fraction_bits
 from clvox.ops.facets import Facets, Progress
 from clvox.ops.layout import Cells, VoxelArrays, cell_shape, int4, words_for
 from clvox.ops.lists import Rows, sort_crossings
-from clvox.ops.multilevel import list_bricks, rank_cells
+from clvox.ops.multilevel import BITS, list_bricks, rank_cells
 from clvox.ops.parity import mark_tree, with_boundary
 
 BRICK = (8, 8, 8)
@@ -28,7 +28,8 @@ BRICK = (8, 8, 8)
 BLOCK = 8
 """Cells along the sides of the blocks that are classified before them."""
 
-ANGLES_PER_LAUNCH = 1 << 25
+STEPS_PER_ANGLE = 10
+"""What an angle costs, in steps as `Session.run` counts them."""
 
 LIST_BYTES = 1 << 28
 """About how much of the lists of crossings is on the device at once, unless one layer of cells
@@ -118,13 +119,12 @@ def _classify(
     else:
         blocks, factor = cast("Shape", above.shape[::-1]), BLOCK
     frame = int4(shape), int4(counts), int4(side), int4(blocks), np.int32(factor)
-    for first, last in _launches(math.prod(counts), rim.edges):
-        session.run(
-            kernel,
-            last - first,
-            *(np.uint64(first), np.uint64(last), *frame, np.uint32(rim.edges), rim.scale),
-            *(rim.ends, above, thresholds, marks),
-        )
+    curtain = np.uint32(rim.edges), rim.scale, rim.ends
+    cells = math.prod(counts)
+    steps = 1 + STEPS_PER_ANGLE * rim.edges
+    session.run(
+        kernel, cells, np.uint64(cells), *frame, *curtain, above, thresholds, marks, steps=steps
+    )
     return thresholds
 
 
@@ -146,6 +146,7 @@ def _fill(
     inside = session.empty(cells.boundary.shape, np.uint32)
     bricks = session.empty((cells.count, cells.brick_words), np.uint32)
     counts, side = int4(cells.shape), cells.brick[2]
+    curtain = np.uint32(rim.edges), rim.scale, rim.ends
     triangles = facets.faces.shape[0]
     for rows in _layers(session, facets, bits, shape, side, list_bytes):
         first, stop = rows.window.first_u // side, -(-rows.window.stop_u // side)
@@ -153,20 +154,18 @@ def _fill(
         frame = rows.window.box, rows.offsets, rows.crossings
         kernel = session.kernel(file, "fill_cells", **defines)
         where = np.uint64(words), np.int32(first), counts
-        session.run(kernel, words, *where, *frame, thresholds, cells.boundary, inside)
-        kernel = session.kernel(file, "fill_bricks", **defines)
-        curtain = np.uint32(rim.edges), rim.scale, rim.ends
-        for start, end in _launches(bricks.size, rim.edges):
-            session.run(
-                kernel,
-                end - start,
-                *(np.uint64(start), np.uint64(end), int4(shape), counts, rows.window.box),
-                *(*curtain, *frame[1:], thresholds, owners, bricks),
-            )
-            if progress is not None:
-                session.finish()
-                done = first * bricks.size + (stop - first) * end
-                progress(triangles * done // (bricks.size * cells.shape[2]), triangles)
+        target = thresholds, cells.boundary, inside
+        session.run(kernel, words, *where, *frame, *target, steps=BITS)
+        if bricks.size:
+            kernel = session.kernel(file, "fill_bricks", **defines)
+            items = np.uint64(bricks.size), int4(shape), counts, rows.window.box
+            # A voxel in doubt looks at all edges; of a word, few are.
+            work = 32 + 2 * STEPS_PER_ANGLE * rim.edges
+            level = *frame[1:], thresholds, owners
+            session.run(kernel, bricks.size, *items, *curtain, *level, bricks, steps=work)
+        if progress is not None:
+            session.finish()
+            progress(triangles * stop // cells.shape[2], triangles)
     return VoxelArrays(shape, bricks, cells, inside)
 
 
@@ -189,10 +188,3 @@ def _layers(
             waiting += [window._replace(first_u=middle), window._replace(stop_u=middle)]
         else:
             yield rows
-
-
-def _launches(count: int, each: int) -> Iterator[tuple[int, int]]:
-    """Cut [0, count) into spans, for items of *each* angles."""
-    most = max(ANGLES_PER_LAUNCH // max(each, 1), 1)
-    for first in range(0, count, most):
-        yield first, min(first + most, count)

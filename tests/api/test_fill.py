@@ -12,7 +12,7 @@ import pytest
 import trimesh
 
 import clvox
-from clvox.models.build import Fill
+from clvox.models.construct import Fill
 from clvox.models.levels import Levels
 
 LEVELS: dict[int, Levels | None] = {

@@ -175,6 +175,17 @@ def test_the_open_bunny_is_a_sum_of_solid_angles(
 
 
 @every_fill
+def test_a_budget_is_kept_or_the_work_refused(fill: Fill) -> None:
+    opened = with_a_hole(ball(1.2, 0.1, 0.2, 0.3), -0.5)
+    model = clvox.voxelize(opened, grid=GRID, fill=fill)
+    most = model.report.peak_nbytes
+    again = clvox.voxelize(opened, grid=GRID, fill=fill, memory_budget=most)
+    assert again == model
+    with pytest.raises(clvox.OutOfMemoryError, match="bytes more are needed"):
+        clvox.voxelize(opened, grid=GRID, fill=fill, memory_budget=most - 1)
+
+
+@every_fill
 def test_the_command_line_takes_open_meshes(
     fill: Fill, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
