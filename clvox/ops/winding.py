@@ -25,9 +25,6 @@ from clvox.ops.parity import mark_tree, with_boundary
 BRICK = (8, 8, 8)
 """Cells in which a dense grid is decided."""
 
-BLOCK = 8
-"""Cells along the sides of the blocks that are classified before them."""
-
 STEPS_PER_ANGLE = 10
 """What an angle costs, in steps as `Session.run` counts them."""
 
@@ -92,11 +89,13 @@ def classify_cells(
     least sum of signs of crossings that is inside, or -32768 if it is not the same throughout.
     """
     counts = cell_shape(shape, brick)
-    blocks = cell_shape(counts, (BLOCK, BLOCK, BLOCK))
-    large = cast("Shape", tuple(BLOCK * side for side in brick))
-    # The marks of blocks are of no use; those of cells are added to the touched ones.
-    spare = session.zeros((blocks[2], blocks[1], words_for(blocks[0])), np.uint32)
-    above = _classify(session, rim, bits, shape, large, None, spare)
+    above = None
+    for power in range(max(counts).bit_length() - 1, 0, -1):
+        large = cast("Shape", tuple(side << power for side in brick))
+        blocks = cell_shape(shape, large)
+        # The marks of blocks are of no use; those of cells are added to the touched ones.
+        spare = session.zeros((blocks[2], blocks[1], words_for(blocks[0])), np.uint32)
+        above = _classify(session, rim, bits, shape, large, above, spare)
     marks = mark_cells(session, facets, bits, shape, brick)
     thresholds = _classify(session, rim, bits, shape, brick, above, marks)
     return rank_cells(session, marks, counts, brick), thresholds
@@ -117,7 +116,7 @@ def _classify(
     if above is None:
         blocks, factor, above = (1, 1, 1), 0, thresholds
     else:
-        blocks, factor = cast("Shape", above.shape[::-1]), BLOCK
+        blocks, factor = cast("Shape", above.shape[::-1]), 2
     frame = int4(shape), int4(counts), int4(side), int4(blocks), np.int32(factor)
     curtain = np.uint32(rim.edges), rim.scale, rim.ends
     cells = math.prod(counts)
