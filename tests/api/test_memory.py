@@ -368,6 +368,25 @@ def test_work_can_be_ended_at_any_time(
     assert bits(clvox.voxelize(mesh, **options)) == right
 
 
+@pytest.mark.parametrize("fill", FILLS)
+@pytest.mark.parametrize("levels", LEVELS)
+def test_progress_of_work_in_pieces_goes_up_to_the_end(levels: str, fill: Fill) -> None:
+    told: list[tuple[int, int]] = []
+    clvox.voxelize(
+        MESH,
+        grid=GRIDS[levels],
+        levels=LEVELS[levels],
+        fill=fill,
+        memory_budget=800_000,
+        progress=lambda *now: told.append(now),
+    )
+    done, totals = zip(*told, strict=True)
+    assert set(totals) == {2 * len(MESH.faces)}
+    assert list(done) == sorted(done)
+    assert done[0] < done[-1] == totals[0]
+    assert len(set(done)) > 2
+
+
 def test_each_launch_is_told_of(monkeypatch: pytest.MonkeyPatch) -> None:
     """Those of the last stages too, during which no triangle is done."""
     told: dict[str, int] = {}
