@@ -133,9 +133,9 @@ def _voxels() -> argparse.ArgumentParser:
     )
     voxels.add_argument(
         "--fill",
-        choices=("parity", "nonzero", "positive", "surface"),
+        choices=("parity", "nonzero", "positive", "vote", "winding", "surface"),
         default="parity",
-        help="which voxels are inside, where bodies overlap above all; parity if not given",
+        help="which voxels are inside, where bodies overlap or a mesh is open; parity if not given",
     )
     voxels.add_argument(
         "--memory-budget",

@@ -14,6 +14,7 @@ from clvox.mesh import MeshLike, Surface, check
 from clvox.models.construct import WINDINGS, Fill, construct
 from clvox.models.levels import Levels, fill_box, resolve_levels
 from clvox.models.memory import find_budget
+from clvox.models.openings import OPEN_FILLS, build_open
 from clvox.models.telling import drawn
 from clvox.models.voxels import VoxelModel
 from clvox.ops import crossings
@@ -45,7 +46,7 @@ def voxelize(
     Parameters
     ----------
     mesh : trimesh.Trimesh, path, or (vertices, faces)
-        Closed: every edge belongs to an even number of triangles; see *fill* for others.
+        Closed: every edge belongs to an even number of triangles; see *fill* for open ones.
     resolution, pitch
         As for `Grid.fit`: voxels along the longest side of the mesh, or width of a voxel.
     grid : Grid
@@ -56,12 +57,17 @@ def voxelize(
         them, 1 to 64 along a side; a third entry divides those once more.  One entry alone, the
         grid's shape, asks for a dense grid of bits.  By default cells of 8 x 8 x 8 voxels, and
         once those would number more than 2**27, cells of 8 x 8 x 8 of such cells.
-    fill : "parity", "nonzero", "positive" or "surface"
+    fill : "parity", "nonzero", "positive", "vote", "winding" or "surface"
         What is inside where bodies overlap or lie within one another.  "parity": what an odd
         number of surfaces encloses.  "nonzero": what any body encloses, so overlapping bodies
         are united and nested ones filled, whichever way they are turned; but bodies turned
         oppositely cancel where they overlap, so that a void stays empty if it is turned inwards.
         "positive": what more bodies enclose whose triangles face outwards than inwards.
+        "vote" and "winding" guess what an open mesh is to enclose.  "vote": what two of the three
+        axes take to be inside, by parity from the low end of each ray; the report tells which
+        rays were doubtful.  "winding": where the generalised winding number, the solid angle of
+        the triangles over a whole sphere's, is above 1/2; triangles that meet must agree in
+        orientation.  It sums floats, so bits within rounding of 1/2 may differ between devices.
         "surface": no inside, but every voxel that a triangle touches, of any mesh, open or not.
         "nonzero" and "positive" need an oriented mesh, each edge used equally often both ways.
     lattice_bits : int, optional
@@ -84,9 +90,11 @@ def voxelize(
     Raises
     ------
     NotClosedError
-        An edge belongs to an odd number of triangles, and *fill* is not "surface".
+        An edge belongs to an odd number of triangles, and *fill* is "parity", "nonzero" or
+        "positive".
     NotOrientedError
-        An edge is used more often one way than the other, and *fill* is "nonzero" or "positive".
+        An edge is used more often one way than the other, and *fill* is "nonzero" or "positive";
+        or such an edge has triangles on both sides, and *fill* is "winding".
     MeshError
         No triangles, a vertex that is not finite, or no extent along some axis.
     GridError
@@ -117,6 +125,8 @@ def voxelize(
         surface.require_oriented()
     elif fill == "parity":
         surface.require_closed()
+    elif fill == "winding":
+        surface.require_oriented_but_for_holes()
     if grid is None and resolution is None and pitch is None and levels is not None:
         grid = fill_box(surface.bounds, levels)
     elif [grid is None, resolution is None, pitch is None].count(False) != 1:
@@ -131,6 +141,8 @@ def voxelize(
     session = open_session(device)
     budget = find_budget(session, memory_budget)
     with drawn(progress=progress) as tell:
+        if fill in OPEN_FILLS:
+            return build_open(session, surface, lattice, shapes, fill, budget, tell)
         return construct(session, surface, lattice, shapes, fill, budget, tell)
 
 

@@ -35,7 +35,7 @@ from clvox.ops.multilevel import Solid, carry, empty_solid, rank_cells
 if TYPE_CHECKING:
     import pyopencl.array as cla
 
-Fill: TypeAlias = Literal["parity", "nonzero", "positive", "surface"]
+Fill: TypeAlias = Literal["parity", "nonzero", "positive", "vote", "winding", "surface"]
 """What is inside: see `voxelize`."""
 
 WINDINGS = {"nonzero": Winding.NONZERO, "positive": Winding.POSITIVE}
