@@ -2,15 +2,16 @@
  * boundary/visit.h: every pair of a cell and a triangle that touches it.
  *
  * Each triangle walks the columns of cells in its shadow along the dominant axis of its normal, and
- * its plane bounds the cells of each column: never all cells of its box.  What is done with a pair
- * is up to the sink, which comes first: SINK_PARAMETERS, MAKE_SINK(grid), the type Sink, and
+ * its plane bounds the cells of each column: never all cells of its box.  A triangle within one row
+ * or one layer of cells takes a shorter way.  What is done with a pair is up to the sink, which comes
+ * first: SINK_PARAMETERS, MAKE_SINK(grid), the type Sink, and
  *
  *     mark(&sink, cell, triangle)   for each pair, once
  *     finish(&sink)                 when a work-item has no more
  *
  * Defines:    RUN        triangles in a row that one work-item does directly
  *             DIRECT     most columns of a triangle that is done directly
- *             TILE       side of a tile, in columns
+ *             TILE       most rows of a tile (common/tiles.h)
  *             STEP_BITS, CELL_*  (boundary/overlap.h)
  */
 #ifndef CLVOX_VISIT_H
@@ -19,19 +20,55 @@
 #include "common/tiles.h"
 #include "boundary/overlap.h"
 
+/* The columns of a row, from the first on, that meet the triangle's shadow. */
+static inline Span columns_in_row(const Solid *s, const int u, const int first, const int last)
+{
+    Span span = {0, last - first};
+    const int v = first * s->cell.y - HALF_STEP;
+    for (int i = 0; i < 3; ++i) {
+        const Side side = s->uv[i];
+        const long step = (long)side.along_q * s->cell.y;
+        narrow(&span, side_of(side, u, v), step, inverse_of(step));
+    }
+    return span;
+}
+
 /* All cells in a box of columns that the triangle touches. */
 static void mark_columns(
     Sink *sink, const Solid *s, const int4 box, const ulong triangle)
 {
+    const bool wide = box.w - box.y >= WIDE;
     for (int i = box.x; i <= box.z; ++i) {
         const int u = i * s->cell.x - HALF_STEP;
-        for (int j = box.y; j <= box.w; ++j) {
+        const Span span = wide ? columns_in_row(s, u, box.y, box.w) : (Span){0, box.w - box.y};
+        for (int j = box.y + span.first; j <= box.y + span.last; ++j) {
             const int v = j * s->cell.y - HALF_STEP;
             if (!column_meets(s, u, v)) continue;
             const int2 depths = depths_in_column(s, u, v);
             for (int k = depths.x; k <= depths.y; ++k)
                 if (cell_meets(s, u, v, k * s->cell.z - HALF_STEP))
                     mark(sink, restore((int3)(i, j, k), s->axis), triangle);
+        }
+    }
+}
+
+/* All cells that a triangle touches which lies within one layer of cells across `axis`: there its
+ * shadow decides.  a, b, c: its corners, across that axis; box: the columns of the layer. */
+static void mark_layer(
+    Sink *sink, const int2 a, const int2 b, const int2 c, const int axis, const int4 box,
+    const int first, const int last, const ulong triangle)
+{
+    const int2 cell = permute(CELL_SIDES, axis).xy;
+    const long turn = cross2(a, b, c);
+    const Side sides[3] = {
+        make_side(a, b, turn, cell), make_side(b, c, turn, cell), make_side(c, a, turn, cell)};
+    for (int i = box.x; i <= box.z; ++i) {
+        const int u = i * cell.x - HALF_STEP;
+        for (int j = box.y; j <= box.w; ++j) {
+            const int v = j * cell.y - HALF_STEP;
+            if (meets(sides[0], u, v) & meets(sides[1], u, v) & meets(sides[2], u, v))
+                for (int k = first; k <= last; ++k)
+                    mark(sink, restore((int3)(i, j, k), axis), triangle);
         }
     }
 }
@@ -46,11 +83,8 @@ static bool mark_triangle(
     const int3 c = corner_of(vertices, faces[3 * triangle + 2]);
     const int3 low = min(min(a, b), c);
     const int3 high = max(max(a, b), c);
-    const int3 side = CELL_SIDES;
-    const int3 first_cell = (int3)(first_touched(low.x, side.x), first_touched(low.y, side.y),
-                                   first_touched(low.z, side.z));
-    const int3 last_cell = (int3)(last_touched(high.x, side.x), last_touched(high.y, side.y),
-                                  last_touched(high.z, side.z));
+    const int3 first_cell = first_cell_of(low);
+    const int3 last_cell = last_cell_of(high);
     const int3 from = max(first_cell, (int3)(0));
     const int3 to = min(last_cell, grid - 1);
     if (to.x < from.x || to.y < from.y || to.z < from.z) return true;
@@ -60,6 +94,16 @@ static bool mark_triangle(
         for (int z = from.z; z <= to.z; ++z)
             for (int y = from.y; y <= to.y; ++y)
                 for (int x = from.x; x <= to.x; ++x) mark(sink, (int3)(x, y, z), triangle);
+        return true;
+    }
+    if (more.x == 0 || more.y == 0 || more.z == 0) {
+        const int axis = more.x == 0 ? 0 : more.y == 0 ? 1 : 2;
+        const int3 first = permute(from, axis);
+        const int3 last = permute(to, axis);
+        const int4 box = (int4)(first.x, first.y, last.x, last.y);
+        if (!is_small(box)) return false;
+        mark_layer(sink, permute(a, axis).xy, permute(b, axis).xy, permute(c, axis).xy, axis,
+                   box, first.z, last.z, triangle);
         return true;
     }
     Solid s;
@@ -88,6 +132,11 @@ __kernel void mark_direct(
     finish(&sink);
 }
 
+static inline int rows_of(const Solid *s, const int4 box)
+{
+    return rows_in_tile(box, (long)abs(s->nw), s->extent, s->cell.y);
+}
+
 /* One work-item counts the tiles of one listed triangle.
  * tiles: (entries,) uint32. */
 __kernel void count_tiles(
@@ -98,8 +147,8 @@ __kernel void count_tiles(
     const uint id = get_global_id(0);
     if (id >= entries) return;
     Solid s;
-    const int2 sides = tiles_of(make_solid(&s, faces, vertices, list[id], grid.xyz));
-    tiles[id] = (uint)sides.x * (uint)sides.y;
+    const int4 box = make_solid(&s, faces, vertices, list[id], grid.xyz);
+    tiles[id] = tiles_of(box, rows_of(&s, box));
 }
 
 /* One work-item does one tile of columns of one listed triangle.
@@ -115,7 +164,8 @@ __kernel void mark_tiles(
     Solid s;
     const int4 box = make_solid(&s, faces, vertices, list[item], grid.xyz);
     Sink sink = MAKE_SINK(grid);
-    mark_columns(&sink, &s, tile_box(box, (uint)(pair - offsets[item])), list[item]);
+    const int4 part = tile_box(box, rows_of(&s, box), (uint)(pair - offsets[item]));
+    mark_columns(&sink, &s, part, list[item]);
     finish(&sink);
 }
 

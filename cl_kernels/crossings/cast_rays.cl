@@ -11,10 +11,10 @@
  * Defines:    AXIS       axis of the rays: 0, 1 or 2; 1 for the sinks DENSE and BRICKS
  *             STEP_BITS  log2 of the lattice steps in one voxel
  *             SINK       0: COUNT, 1: DENSE, 2: BRICKS, 3: EMIT (crossings/sinks.h)
- *             EDGE_BITS  32 or 64, of the edge functions (crossings/rasterise.h)
+ *             EDGE_BITS  32 for cast_direct, 64 for cast_tiles (crossings/rasterise.h)
  *             RUN        triangles in a row that one work-item does directly
  *             DIRECT     most candidate rays of a triangle that is done directly
- *             TILE       side of a tile, in rays
+ *             TILE       most rows of a tile (common/tiles.h)
  *             LEVELS, BRICK_*, MIDDLE_*  of the model, for the sink BRICKS (common/bricks.h)
  *             FRACTION_BITS  of the depths, for the sink EMIT
  * Source:     after M. Schwarz, H.-P. Seidel, "Fast parallel surface and solid voxelization on
@@ -23,23 +23,31 @@
 #include "common/rays.h"
 #include "common/tiles.h"
 #include "crossings/sinks.h"
-
 #include "crossings/rasterise.h"
 
-/* Do the triangle's edge functions, in units of a voxel, fit edge_t wherever they are stepped? */
-static inline bool fits_edge(const Facet f)
-{
-#if EDGE_BITS == 64
-    return true;
+/* A triangle done directly spans less than one voxel more than its rays along u and along v.  So
+ * its edge functions, in units of a voxel, stay below 4 * DIRECT * STEP <= 2^30 in its box, and one
+ * step beyond it below 2^31. */
+#if EDGE_BITS == 32 && DIRECT > 1 << 14
+#error "DIRECT is at most 2^14, so that edge functions fit 32 bits"
 #endif
-    const int2 low = min(min(f.a.xy, f.b.xy), f.c.xy);
-    const int2 high = max(max(f.a.xy, f.b.xy), f.c.xy);
-    const long2 side = convert_long2(high - low);
-    return ((side.x * side.y) >> STEP_BITS) + side.x + side.y < (long)INT_MAX - 16;
+
+/* So few candidate rays are tried even if the triangle is a sliver; tests of a sink of their own
+ * have all tried. */
+#ifndef FEW
+#define FEW 32
+#endif
+
+/* Does a triangle meet an eighth of its candidate rays, or has few?  Those of slivers are rather
+ * solved for than tried. */
+static inline bool fills(const Facet f, const int4 box)
+{
+    const long candidates = (long)(box.z - box.x + 1) * (box.w - box.y + 1);
+    return candidates <= FEW || f.area >> (2 * STEP_BITS - 2) >= candidates;
 }
 
-/* One work-item does RUN triangles in a row, from `first` on: those of few candidate rays whose
- * edge functions fit; the others it puts on the list.
+/* One work-item does RUN triangles in a row, from `first` on: those of few candidate rays; the
+ * others it puts on the list.
  * window: the rays (first u, first v, last u, last v) that are cast.
  * faces: (m, 3) int32, vertices: (n, 3) int32, on the lattice.
  * listed: (1,) uint32, length of the list, zero before the first launch.
@@ -51,18 +59,28 @@ __kernel void cast_direct(
 {
     const ulong start = first + get_global_id(0) * RUN;
     Sink sink = MAKE_SINK(window);
+    Found found;
+    found.count = 0;
     for (ulong triangle = start; triangle < min(start + RUN, last); ++triangle) {
         const Facet f = load_facet(faces, vertices, triangle);
         const int4 box = ray_box(f, window);
         if (f.area == 0 || box_is_empty(box)) continue;
-        if (is_small(box) && fits_edge(f)) {
+        const int4 whole = ray_box(f, ALL_RAYS);
+        if (is_small(whole) && fills(f, whole)) {
             begin(&sink, triangle, f.flipped);
-            rasterise(&sink, f, box);
+            rasterise(&sink, &found, f, box);
         } else {
             list[atomic_inc(listed)] = (uint)triangle;
         }
     }
-    finish(&sink);
+    drain(&found, &sink);
+}
+
+static inline int rows_of(const Facet f, const int4 box)
+{
+    const int low = min(min(f.a.x, f.b.x), f.c.x);
+    const int high = max(max(f.a.x, f.b.x), f.c.x);
+    return rows_in_tile(box, f.area, high - low, STEP);
 }
 
 /* One work-item counts the tiles of one listed triangle.
@@ -74,8 +92,9 @@ __kernel void count_tiles(
 {
     const uint id = get_global_id(0);
     if (id >= entries) return;
-    const int2 sides = tiles_of(ray_box(load_facet(faces, vertices, list[id]), window));
-    tiles[id] = (uint)sides.x * (uint)sides.y;
+    const Facet f = load_facet(faces, vertices, list[id]);
+    const int4 box = ray_box(f, window);
+    tiles[id] = tiles_of(box, rows_of(f, box));
 }
 
 /* One work-item does one tile of one listed triangle.
@@ -89,9 +108,12 @@ __kernel void cast_tiles(
     if (pair >= last) return;
     const uint item = entry_of(offsets, entries, pair);
     const Facet f = load_facet(faces, vertices, list[item]);
-    const int4 box = tile_box(ray_box(f, window), (uint)(pair - offsets[item]));
+    const int4 whole = ray_box(f, window);
+    const int4 box = tile_box(whole, rows_of(f, whole), (uint)(pair - offsets[item]));
     Sink sink = MAKE_SINK(window);
+    Found found;
+    found.count = 0;
     begin(&sink, list[item], f.flipped);
-    rasterise(&sink, f, box);
-    finish(&sink);
+    rasterise(&sink, &found, f, box);
+    drain(&found, &sink);
 }

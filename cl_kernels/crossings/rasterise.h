@@ -1,9 +1,12 @@
 /*
  * crossings/rasterise.h: every crossing of the rays in a box with one triangle.
  *
- * Edge functions are stepped in 32 bits, for triangles where they fit, or in 64; the answers are
- * the same.  A sink is defined before: a type Sink and a function cross(Sink *, int u, int v, int
- * slot), or for the sink EMIT emit(Sink *, int u, int v, int depth).
+ * Edge functions are stepped in 32 bits, for triangles of few candidate rays, or in 64; the
+ * answers are the same.  A sink is defined before (crossings/sinks.h): a type Sink and a function
+ * cross(Sink *, int u, int v, int at), `at` being the slot, or for the sink EMIT the depth.
+ *
+ * Whether a ray is covered, nobody foresees: crossings are found without a branch, and handed to
+ * the sink some dozens at a time, by drain().
  *
  * Rays are STEP apart, so an edge function W changes by whole multiples of STEP from ray to ray:
  * E = (W - t) >> STEP_BITS is stepped, with t = 0 if the edge owns its rays and 1 if not, and
@@ -21,6 +24,8 @@
  *
  * Defines:    EDGE_BITS  32 or 64
  */
+#include "common/spans.h"
+
 #if EDGE_BITS == 32
 typedef int edge_t;
 #else
@@ -29,7 +34,23 @@ typedef long edge_t;
 
 #define ROUNDER 12582912.0f
 
-static inline void rasterise(Sink *sink, const Facet f, const int4 box)
+#define MOST_FOUND 32
+
+/* Crossings that the sink has not been given yet. */
+typedef struct {
+    uint count;
+    int u[MOST_FOUND], v[MOST_FOUND], slot[MOST_FOUND];
+} Found;
+
+static inline void drain(Found *found, Sink *sink)
+{
+    for (uint i = 0; i < found->count; ++i)
+        cross(sink, found->u[i], found->v[i], found->slot[i]);
+    found->count = 0;
+}
+
+/* Finds every crossing of the rays in `box` with triangle f; some may be left to drain(). */
+static inline void rasterise(Sink *sink, Found *found, const Facet f, const int4 box)
 {
     #pragma OPENCL FP_CONTRACT OFF
     const int2 ab = f.b.xy - f.a.xy;
@@ -45,13 +66,6 @@ static inline void rasterise(Sink *sink, const Facet f, const int4 box)
     edge_t row_a = (edge_t)(wa >> STEP_BITS);
     edge_t row_b = (edge_t)(wb >> STEP_BITS);
     edge_t row_c = (edge_t)(wc >> STEP_BITS);
-
-    /* A box that is only a part of the triangle's may lie beside it altogether. */
-    const edge_t du = box.z - box.x;
-    const edge_t dv = box.w - box.y;
-    if (row_a + max(bc.x, 0) * dv + max(-bc.y, 0) * du < 0) return;
-    if (row_b + max(ca.x, 0) * dv + max(-ca.y, 0) * du < 0) return;
-    if (row_c + max(ab.x, 0) * dv + max(-ab.y, 0) * du < 0) return;
 
     const long rest_a = (wa & (STEP - 1)) + ta;
     const long rest_b = (wb & (STEP - 1)) + tb;
@@ -73,18 +87,35 @@ static inline void rasterise(Sink *sink, const Facet f, const int4 box)
     const float digit_scale = scale * (float)(1 << FRACTION_BITS);
 #endif
 
+    const int width = box.w - box.y;
+#if EDGE_BITS == 64
+    const bool wide = width >= WIDE;
+    const float inverse_a = inverse_of(bc.x);
+    const float inverse_b = inverse_of(ca.x);
+    const float inverse_c = inverse_of(ab.x);
+#endif
     for (int u = box.x; u <= box.z; ++u) {
-        edge_t ea = row_a;
-        edge_t eb = row_b;
-        edge_t ec = row_c;
-        for (int v = box.y; v <= box.w; ++v) {
-            if ((ea | eb | ec) >= 0) {
-                const float estimate = (float)ea * slope_a + (float)eb * slope_b + base;
-                /* Rounded to the nearest integer by its place in the significand: exact for
-                 * |estimate| < 2^22, and quicker than rint() on some devices. */
-                const float shifted = estimate + ROUNDER;
-                const int m = as_int(shifted) - as_int(ROUNDER);
+        Span span = {0, width};
+#if EDGE_BITS == 64
+        if (wide) {
+            narrow(&span, row_a, bc.x, inverse_a);
+            narrow(&span, row_b, ca.x, inverse_b);
+            narrow(&span, row_c, ab.x, inverse_c);
+        }
+#endif
+        edge_t ea = row_a + (edge_t)span.first * bc.x;
+        edge_t eb = row_b + (edge_t)span.first * ca.x;
+        edge_t ec = row_c + (edge_t)span.first * ab.x;
+        const int last = box.y + span.last;
+        for (int v = box.y + span.first; v <= last; ++v) {
+            const bool covered = (ea | eb | ec) >= 0;
+            const float estimate = (float)ea * slope_a + (float)eb * slope_b + base;
+            /* Rounded to the nearest integer by its place in the significand: exact for
+             * |estimate| < 2^22, and quicker than rint() on some devices. */
+            const float shifted = estimate + ROUNDER;
+            const int m = as_int(shifted) - as_int(ROUNDER);
 #if SINK == EMIT
+            if (covered) {
                 const ulong residual = residual_of(
                     (long)ea * STEP + rest_a, (long)eb * STEP + rest_b, d0, d1, f.area,
                     base_rest - (long)m * STEP);
@@ -92,19 +123,24 @@ static inline void rasterise(Sink *sink, const Facet f, const int4 box)
                 const long left = (long)((residual << FRACTION_BITS)
                                          - (ulong)(long)digit * ((ulong)f.area << STEP_BITS));
                 const uint whole = (uint)(base_slot + m) << FRACTION_BITS;
-                emit(sink, u, v, (int)(whole + (uint)digit + (left > -tie)));
-#else
-                const float beyond = estimate - (shifted - ROUNDER);
-                bool after = beyond > 0.0f;
-                if (fabs(beyond) <= doubt) {
-                    const ulong residual = residual_of(
-                        (long)ea * STEP + rest_a, (long)eb * STEP + rest_b, d0, d1, f.area,
-                        base_rest - (long)m * STEP);
-                    after = (long)residual > -tie;
-                }
-                cross(sink, u, v, base_slot + m + after);
-#endif
+                cross(sink, u, v, (int)(whole + (uint)digit + (left > -tie)));
             }
+#else
+            const float beyond = estimate - (shifted - ROUNDER);
+            bool after = beyond > 0.0f;
+            if (covered & (fabs(beyond) <= doubt)) {
+                const ulong residual = residual_of(
+                    (long)ea * STEP + rest_a, (long)eb * STEP + rest_b, d0, d1, f.area,
+                    base_rest - (long)m * STEP);
+                after = (long)residual > -tie;
+            }
+            found->u[found->count] = u;
+            found->v[found->count] = v;
+            /* Unsigned: m says nothing where the ray is not covered. */
+            found->slot[found->count] = (int)((uint)base_slot + (uint)m + after);
+            found->count += covered;
+            if (found->count == MOST_FOUND) drain(found, sink);
+#endif
             ea += bc.x;
             eb += ca.x;
             ec += ab.x;

@@ -187,6 +187,7 @@ def model_of(
                 fill=getattr(options, "fill", "parity"),
                 attributes=attributes,
                 device=options.device,
+                memory_budget=getattr(options, "memory_budget", None),
                 progress=progress,
             )
     grid, report = model.grid, model.report

@@ -141,6 +141,7 @@ def _follow(
         columns * rows,
         *(int2(columns, rows), *box, _float4(scene.spacing), *_ray_arguments(rays), starts),
         *(*arrays.arguments(scene.edge), voxels, far),
+        steps=sum(arrays.columns),
     )
 
 
@@ -229,6 +230,7 @@ def shade(
         *(np.float32(pixel), np.float32(spread), np.float32(scene.flip)),
         *(session.upload(colours), np.int32(len(paint.offsets)), session.upload(paint.offsets)),
         *(hits.voxels, hits.far, *arrays.arguments(scene.edge), *kept, pixels),
+        steps=samples**2 * (8 if stored else (2 * WINDOW + 1) ** 3) + len(paint.offsets),
     )
     return pixels
 

@@ -114,3 +114,15 @@ def test_what_a_model_does_not_keep_cannot_be_asked(ball: trimesh.Trimesh) -> No
 def test_attributes_that_make_no_sense_are_refused(ball: trimesh.Trimesh, names: Any) -> None:
     with pytest.raises(clvox.GridError, match=r"attributes must be|ask for 'normals'"):
         clvox.voxelize(ball, resolution=8, attributes=names)
+
+
+def test_an_updated_model_keeps_attributes_of_the_mesh_that_is(ball: trimesh.Trimesh) -> None:
+    grid = clvox.Grid((-12, -12, -12), 1.0, (24, 24, 24))
+    moved = ball.copy()
+    moved.apply_translation((1.0, 0.5, 0.0))
+    before = clvox.voxelize(ball, grid=grid, attributes=("normals", "links"))
+    updated = before.update(moved)
+    fresh = clvox.voxelize(moved, grid=grid, attributes=("normals", "links"))
+    points = moved.triangles_center
+    np.testing.assert_array_equal(updated.normals_at(points), fresh.normals_at(points))
+    np.testing.assert_array_equal(updated.faces_at(points)[1], fresh.faces_at(points)[1])
