@@ -269,7 +269,7 @@ class VoxelModel:
         arrays, report = updates.update_arrays(
             self._session, self._arrays, self.report, source, after, listed
         )
-        updated = replace(
+        model = replace(
             self,
             _arrays=arrays,
             report=report,
@@ -277,7 +277,7 @@ class VoxelModel:
             _attributes=None,
         )
         # What it kept of the mesh that was, it keeps of the one that is.
-        return updated._keeping(self.attributes)
+        return model._keeping(self.attributes)
 
     # Measures
 
@@ -664,6 +664,7 @@ class VoxelModel:
             grid=self.grid,
             levels=self.levels,
             fill=cast("Fill", self.report.fill),
+            attributes=self.attributes,
             lattice_bits=bits,
             device=self._session.device,
         )
