@@ -1,8 +1,8 @@
 /*
  * attributes/touched.h: the number of a touched voxel, and of a cell that holds some.
  *
- * Touched voxels are numbered in the order of their bits in `edge`, cells as their bricks are.  In a
- * dense model each touched voxel is a cell of its own: there TREE_ARGUMENTS are the grid's shape,
+ * Touched voxels are numbered in the order of their bits in `edge`, cells as their bricks are.  In
+ * a dense model each touched voxel is a cell of its own: there TREE_ARGUMENTS are the grid's shape,
  * `edge` and `edge_rank`.
  *
  * Defines:    LEVELS, BRICK_*, MIDDLE_*  of the model (common/bricks.h)

@@ -3,19 +3,24 @@
  *
  * Each triangle walks the columns of cells in its shadow along the dominant axis of its normal, and
  * its plane bounds the cells of each column: never all cells of its box.  A triangle within one row
- * or one layer of cells takes a shorter way.  What is done with a pair is up to the sink, which comes
- * first: SINK_PARAMETERS, MAKE_SINK(grid), the type Sink, and
+ * or one layer of cells takes a shorter way.  What is done with a pair is up to the sink, which
+ * comes first: SINK_PARAMETERS, MAKE_SINK(grid), the type Sink, and
  *
  *     mark(&sink, cell, triangle)   for each pair, once
  *     finish(&sink)                 when a work-item has no more
  *
- * Defines:    RUN        triangles in a row that one work-item does directly
+ * Defines:    VISIT_HINT attributes of the kernels, if a sink needs any
+ *             RUN        triangles in a row that one work-item does directly
  *             DIRECT     most columns of a triangle that is done directly
  *             TILE       most rows of a tile (common/tiles.h)
  *             STEP_BITS, CELL_*  (boundary/overlap.h)
  */
 #ifndef CLVOX_VISIT_H
 #define CLVOX_VISIT_H
+
+#ifndef VISIT_HINT
+#define VISIT_HINT
+#endif
 
 #include "common/tiles.h"
 #include "boundary/overlap.h"
@@ -119,7 +124,7 @@ static bool mark_triangle(
  * faces: (m, 3) int32, vertices: (n, 3) int32, on the lattice.
  * listed: (1,) uint32, length of the list, zero before the first launch.
  * list: (m,) uint32, triangle numbers in no particular order. */
-__kernel void mark_direct(
+__kernel VISIT_HINT void mark_direct(
     const ulong first, const ulong last, const int4 grid,
     const __global int *restrict faces, const __global int *restrict vertices,
     __global uint *listed, __global uint *list, SINK_PARAMETERS)
@@ -153,7 +158,7 @@ __kernel void count_tiles(
 
 /* One work-item does one tile of columns of one listed triangle.
  * offsets: (entries,) uint64, exclusive prefix sum of the tiles. */
-__kernel void mark_tiles(
+__kernel VISIT_HINT void mark_tiles(
     const ulong first, const ulong last, const uint entries, const int4 grid,
     const __global int *restrict faces, const __global int *restrict vertices,
     const __global uint *restrict list, const __global ulong *restrict offsets, SINK_PARAMETERS)

@@ -51,7 +51,8 @@
         hits[4 * id] = x; \
         hits[4 * id + 1] = y; \
         hits[4 * id + 2] = z; \
-        hits[4 * id + 3] = along | (cut && since == begin && along == begun ? CUT : 0) | KIND(kind); \
+        hits[4 * id + 3] = \
+            along | (cut && since == begin && along == begun ? CUT : 0) | KIND(kind); \
         far[id] = (float)since / whole; \
         end = LONG_MIN; \
     } while (0)
@@ -81,8 +82,8 @@
 #define SIDE_OF_z SIDE_Z
 
 /* One work-item follows one ray.
- * size: rays along a row and a column; shape: voxels of the grid; columns: cells of voxels along each axis, the voxels
- * themselves in a dense grid; low, high: the voxels that are drawn.
+ * size: rays along a row and a column; shape: voxels of the grid; columns: cells of voxels along
+ * each axis, the voxels themselves in a dense grid; low, high: the voxels that are drawn.
  * starts: (tiles,) float32, for each tile of TILE x TILE rays how far nothing is met, in
  * directions; INFINITY if nothing is met at all; not read unless TILE is set.
  * hits: (size.y, size.x, 4) int32, the voxel (i, j, k) and what is met; -1, -1, -1, 0 if nothing.

@@ -75,7 +75,8 @@ static inline float4 slope_at(const int4 shape, MODEL_PARAMETERS, const int4 vox
                 const float weight = share * share;
                 most += weight * sqrt(square);
                 if (!read_within(
-                        (int4)(0), shape, MODEL_ARGUMENTS, voxel.x + x, voxel.y + y, voxel.z + z)) continue;
+                        (int4)(0), shape, MODEL_ARGUMENTS, voxel.x + x, voxel.y + y, voxel.z + z))
+                    continue;
                 right -= weight * away.x;
                 back -= weight * away.y;
                 up -= weight * away.z;
@@ -87,8 +88,8 @@ static inline float4 slope_at(const int4 shape, MODEL_PARAMETERS, const int4 vox
 /* How much of the sky a place sees, from 0 to 1: of the voxels at `offsets` those above the
  * surface count that are inside. */
 static inline float sky_at(
-    const int4 low, const int4 high, MODEL_PARAMETERS, const int4 voxel, const float4 at, const float4 normal,
-    const int n, const __global float *offsets)
+    const int4 low, const int4 high, MODEL_PARAMETERS, const int4 voxel, const float4 at,
+    const float4 normal, const int n, const __global float *offsets)
 {
     float hidden = 0.0f, all_of_it = 0.0f;
     const float4 from = convert_float4(voxel) + 0.5f + at + normal * 2.0f;
@@ -214,8 +215,9 @@ static inline float part_in(const int voxel, const float at, const int side)
 #endif
 
 /* One work-item colours one pixel, the mean of SAMPLES x SAMPLES rays.
- * size: columns and rows of pixels; low, high: the voxels that are drawn; widths: of a voxel; right_of, up_of, back_of: unit vectors of
- * the view.  phong: ambient, diffuse, specular, shininess; emission.  background: linear, and its
+ * size: columns and rows of pixels; low, high: the voxels that are drawn; widths: of a voxel;
+ * right_of, up_of, back_of: unit vectors of the view; shape: voxels of the grid.
+ * phong: ambient, diffuse, specular, shininess; emission.  background: linear, and its
  * opacity.  pixel, spread: width of a sample where rays begin, and for each unit farther on.
  * flip: -1 if normals point inwards.  colours: (4, 3) float32, linear, by what is met, and of a
  * cut.  offsets: (n, 3) float32, in voxels.  voxels, far: as march() leaves them.  touched, ranks,
