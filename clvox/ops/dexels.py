@@ -62,7 +62,7 @@ def resolve(session: Session, frame: Frame, lists: CrossingLists, rule: Rule) ->
     """
     defines = {"RULE": int(rule)}
     arguments = *frame.box, lists.offsets, lists.depth, lists.side
-    return _make(session, frame, "dexels/resolve_rows.cl", "resolve_rows", defines, arguments)
+    return make_rows(session, frame, "dexels/resolve_rows.cl", "resolve_rows", defines, arguments)
 
 
 def combine(
@@ -80,7 +80,7 @@ def combine(
     """
     arguments = *_moved(session, renumbering), *_rows(a), *_rows(b)
     defines = {"OP": int(operation)}
-    return _make(session, frame, "dexels/combine_rows.cl", "combine_rows", defines, arguments)
+    return make_rows(session, frame, "dexels/combine_rows.cl", "combine_rows", defines, arguments)
 
 
 def differ(session: Session, frame: Frame, a: CrossingLists, b: CrossingLists) -> bool:
@@ -95,10 +95,10 @@ def complement(session: Session, frame: Frame, lists: CrossingLists) -> Crossing
     """Return the box without the pieces of resolved rows."""
     arguments = *frame.box, *_rows(lists)
     defines = {"OP": int(Operation.DIFFERENCE)}
-    return _make(session, frame, "dexels/combine_rows.cl", "complement_rows", defines, arguments)
+    return make_rows(session, frame, "dexels/combine_rows.cl", "complement_rows", defines, arguments)
 
 
-def _make(
+def make_rows(
     session: Session,
     frame: Frame,
     file: str,

@@ -205,3 +205,21 @@ def moments(
             ):  # fmt: skip
                 sums[at] += term
     return tuple(sums)
+
+
+def examine(crossings: Sequence[Row], pieces: Sequence[Row]) -> tuple[int, int, int, int, int]:
+    """Return what `clvox.ops.dexel_measure.examine` returns, of crossings and resolved rows.
+
+    The length of the shortest piece and its ray, 0 and -1 if there is none; most crossings of a
+    ray, and that ray; and how many rays have an odd number of them.
+    """
+    lengths = [
+        (leave.depth - enter.depth, ray)
+        for ray, row in enumerate(pieces)
+        for enter, leave in zip(row[::2], row[1::2], strict=True)
+    ]
+    thinnest = min(lengths, default=(0, -1))
+    depth = max(len(row) for row in crossings)
+    deepest = next(ray for ray, row in enumerate(crossings) if len(row) == depth)
+    odd = sum(len(row) % 2 for row in crossings)
+    return *thinnest, depth, deepest, odd
