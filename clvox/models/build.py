@@ -131,7 +131,7 @@ def voxelize(
     shapes = resolve_levels(grid.shape, levels)
     lattice = Lattice.fit(grid, surface.bounds, bits=lattice_bits)
     session = open_session(device)
-    with _told(2 * len(surface.faces), progress=progress) as tell:
+    with told(2 * len(surface.faces), "voxelize", progress=progress) as tell:
         return _build(session, surface, lattice, shapes, fill, tell)
 
 
@@ -195,7 +195,7 @@ def count_crossings(
 
 
 @dataclass
-class _Stages:
+class Stages:
     """Seconds per stage of a build; each ends with the device idle."""
 
     session: Session
@@ -218,7 +218,7 @@ def _build(
     tell: Progress | None,
 ) -> VoxelModel:
     session.reset_peak()
-    stages = _Stages(session)
+    stages = Stages(session)
     with stages.stage("snap"):
         vertices = lattice.snap(surface.vertices)
     with stages.stage("upload"):
@@ -262,7 +262,7 @@ def _build_bricks(
     lattice: Lattice,
     levels: tuple[Shape, ...],
     winding: Winding | None,
-    stages: _Stages,
+    stages: Stages,
     tell: Progress | None,
 ) -> tuple[VoxelArrays, int, int]:
     shape = lattice.grid.shape
@@ -287,7 +287,7 @@ def _build_dense(
     lattice: Lattice,
     levels: tuple[Shape, ...],
     winding: Winding | None,
-    stages: _Stages,
+    stages: Stages,
     tell: Progress | None,
 ) -> tuple[VoxelArrays, int, int]:
     (shape,) = levels
@@ -311,7 +311,7 @@ def _build_surface(
     facets: Facets,
     lattice: Lattice,
     levels: tuple[Shape, ...],
-    stages: _Stages,
+    stages: Stages,
     tell: Progress | None,
 ) -> VoxelArrays:
     """The touched voxels: marks are all there is to it."""
@@ -337,7 +337,7 @@ def _mark_cells(
     facets: Facets,
     lattice: Lattice,
     levels: tuple[Shape, ...],
-    stages: _Stages,
+    stages: Stages,
     tell: Progress | None,
 ) -> Cells:
     """The touched cells of each level above the voxels."""
@@ -373,12 +373,14 @@ def _part(tell: Progress | None, part: int) -> Progress | None:
 
 
 @contextmanager
-def _told(total: int, *, progress: bool | Progress | None) -> Iterator[Progress | None]:
+def told(
+    total: int, verb: str, *, progress: bool | Progress | None
+) -> Iterator[Progress | None]:
     """Whom to tell of progress: the caller's function, a bar, or nobody."""
     if not isinstance(progress, bool):
         yield progress
     elif not progress:
         yield None
     else:
-        with tqdm(total=total, unit=" triangles", unit_scale=True, desc="voxelize") as bar:
+        with tqdm(total=total, unit=" triangles", unit_scale=True, desc=verb) as bar:
             yield lambda done, _: bar.update(done - bar.n)

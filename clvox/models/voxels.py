@@ -190,7 +190,7 @@ class VoxelModel:
         return hash((self.grid, self.count))
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return _restore, (self.to_record(), self.report, self._surfaces)
+        return restore, (self.to_record(), self.report, self._surfaces)
 
     # Combinations
 
@@ -552,23 +552,13 @@ class VoxelModel:
         return _triple(box[0]), _triple(box[1])
 
 
-def load_model(path: str | os.PathLike[str], *, device: DeviceLike = None) -> VoxelModel:
-    """Return the model that `VoxelModel.save` wrote to *path*.
-
-    Raises
-    ------
-    FormatError
-        The file is not such a model, or is damaged.
-    """
-    return _restore(archive.read(path), None, (), device)
-
-
-def _restore(
+def restore(
     record: dict[str, NDArray[Any]],
     report: Report | None,
     surfaces: tuple[tuple[Surface, Lattice], ...],
     device: DeviceLike = None,
 ) -> VoxelModel:
+    """Return the model of arrays that were read."""
     session = open_session(device)
     grid, arrays = archive.unpack(session, record)
     report = report or Report(device=str(session.device))

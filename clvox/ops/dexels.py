@@ -17,6 +17,9 @@ from clvox.ops.scan import prefix_sum
 
 RAYS_PER_LAUNCH = 1 << 20
 
+RUN = 64
+"""Ends in a row that one work-item looks at."""
+
 CAP = 0x7FFFFFFF
 """Triangle of an end where the face of the grid's box cuts the solid: `dexels/ends.h`."""
 
@@ -96,6 +99,28 @@ def complement(session: Session, frame: Frame, lists: CrossingLists) -> Crossing
     arguments = *frame.box, *_rows(lists)
     defines = {"OP": int(Operation.DIFFERENCE)}
     return make_rows(session, frame, "dexels/combine_rows.cl", "complement_rows", defines, arguments)
+
+
+def used_meshes(session: Session, lists: CrossingLists, starts: Sequence[int]) -> list[bool]:
+    """Return for each mesh, given its first triangle, whether an end comes from it."""
+    used = session.zeros(len(starts), np.uint32)
+    if lists.count:
+        kernel = session.kernel("dexels/renumber.cl", "mark_meshes", RUN=RUN)
+        meshes = np.uint32(len(starts)), session.upload(np.array(starts, np.uint64))
+        ends = np.uint64(lists.count)
+        session.run(kernel, -(-lists.count // RUN), ends, *meshes, lists.side, used)
+    return [bool(mark) for mark in used.get().tolist()]
+
+
+def renumber(
+    session: Session, lists: CrossingLists, renumbering: Sequence[tuple[int, int]]
+) -> None:
+    """Give the triangles of *lists* other numbers, in place, as `combine` does."""
+    if lists.count:
+        kernel = session.kernel("dexels/renumber.cl", "renumber", RUN=RUN)
+        ends = np.uint64(lists.count)
+        items = -(-lists.count // RUN)
+        session.run(kernel, items, ends, *_moved(session, renumbering), lists.side)
 
 
 def make_rows(
