@@ -1,7 +1,7 @@
 """Solids as frozen values, and the verbs that make them."""
 
 from clvox.models.build import count_crossings, voxelize
-from clvox.models.dexelize import dexelize
+from clvox.models.dexel_build import dexelize
 from clvox.models.dexels import DexelModel, DexelReport
 from clvox.models.opening import open_model as open  # noqa: A004 - as gzip.open, always with its module
 from clvox.models.triple import TripleDexelModel
@@ -9,10 +9,10 @@ from clvox.models.voxels import BOUNDARY, INSIDE, OUTSIDE, Report, VoxelModel
 
 __all__ = [
     "BOUNDARY",
-    "DexelModel",
-    "DexelReport",
     "INSIDE",
     "OUTSIDE",
+    "DexelModel",
+    "DexelReport",
     "Report",
     "TripleDexelModel",
     "VoxelModel",

@@ -203,6 +203,7 @@ class Stages:
 
     @contextmanager
     def stage(self, name: str) -> Iterator[None]:
+        """Add the time that the body takes to that of stage *name*."""
         start = time.perf_counter()
         yield
         self.session.finish()
@@ -373,9 +374,7 @@ def _part(tell: Progress | None, part: int) -> Progress | None:
 
 
 @contextmanager
-def told(
-    total: int, verb: str, *, progress: bool | Progress | None
-) -> Iterator[Progress | None]:
+def told(total: int, verb: str, *, progress: bool | Progress | None) -> Iterator[Progress | None]:
     """Whom to tell of progress: the caller's function, a bar, or nobody."""
     if not isinstance(progress, bool):
         yield progress

@@ -138,8 +138,8 @@ def _rays(session: Session, grid: Grid, record: dict[str, NDArray[Any]], prefix:
     if not (known | (triangles == CAP)).all() or (rule and not known.all()):
         raise FormatError("the model's crossings name triangles that its meshes do not have")
     _check_rows(frame, offsets.astype(np.int64), depth, side & np.uint32(1), pieces=rule == 0)
-    arrays = (session.upload(array) for array in (offsets, depth, side.view(np.int32)))
-    lists = CrossingLists(*arrays, fraction_bits=frame.fraction_bits)
+    held = [session.upload(array) for array in (offsets, depth, side.view(np.int32))]
+    lists = CrossingLists(held[0], held[1], held[2], frame.fraction_bits)
     return Rays(axis, RULES[rule], lists, meshes.tolist())
 
 

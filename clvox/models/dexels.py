@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from clvox.device import Session, open_session
 from clvox.errors import GridError
-from clvox.grid import Axis, Grid, Lattice, Shape
+from clvox.grid import Axis, Grid, Lattice
 from clvox.models import archive, dexel_archive
 from clvox.models.dexel_moments import Integrals
 from clvox.models.dexel_sources import Sources
@@ -302,7 +302,8 @@ class DexelModel:
         In the length unit of the grid.
         """
         lengths = dexel_measure.sum_lengths(self._session, self._frame, self._pieces)
-        return lengths.reshape(self.rays_shape) * self._unit
+        image: NDArray[np.float64] = lengths.reshape(self.rays_shape) * np.float64(self._unit)
+        return image
 
     def column_fractions(self, *, cells: int = 1) -> NDArray[np.float32]:
         """Return which fraction of each cell is inside, measured along the ray through it.
@@ -432,8 +433,7 @@ class DexelModel:
         if not self.fill:
             return self._crossings
         rule = Rule[self.fill.upper()]
-        pieces = dexels.resolve(self._session, self._frame, self._crossings, rule)
-        return pieces
+        return dexels.resolve(self._session, self._frame, self._crossings, rule)
 
     @cached_property
     def _integrals(self) -> Integrals:
@@ -457,7 +457,8 @@ class DexelModel:
         return row, column
 
     def _odd_triangles(self) -> tuple[int, ...]:
-        counts = np.diff(self.offsets.astype(np.int64))
+        ends = self.offsets.astype(np.int64)
+        counts = ends[1:] - ends[:-1]
         triangles = self.triangles[np.repeat(counts % 2 == 1, counts)]
         return tuple(np.unique(triangles)[:_REPORTED].tolist())
 
@@ -519,9 +520,7 @@ def from_rays(
     return DexelModel(session, grid, axis, rays.fill, rays.crossings, sources, report)
 
 
-def _restore(
-    record: dict[str, NDArray[Any]], report: DexelReport, sources: Sources
-) -> DexelModel:
+def _restore(record: dict[str, NDArray[Any]], report: DexelReport, sources: Sources) -> DexelModel:
     return _unpack(open_session(), record, report, sources)
 
 

@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 import os
+from typing import Any
 
 from clvox.device import DeviceLike, open_session
 from clvox.models import archive, dexel_archive
-from clvox.models.dexels import DexelModel, from_rays
-from clvox.models.triple import TripleDexelModel, restore_triple
-from clvox.models.voxels import VoxelModel, restore
+from clvox.models.dexels import from_rays
+from clvox.models.triple import restore_triple
+from clvox.models.voxels import restore
 
 
-def open_model(
-    path: str | os.PathLike[str], *, device: DeviceLike = None
-) -> VoxelModel | DexelModel | TripleDexelModel:
+def open_model(path: str | os.PathLike[str], *, device: DeviceLike = None) -> Any:
     """Return the model that its `save` wrote to *path*.
+
+    Returns
+    -------
+    VoxelModel, DexelModel or TripleDexelModel
+        Only the file knows which, so type checkers take it for any of them.
 
     Raises
     ------

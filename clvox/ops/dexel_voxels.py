@@ -36,7 +36,8 @@ def to_dense(session: Session, frame: Frame, pieces: CrossingLists) -> cla.Array
     # Layers along z are to words of layers what rows along y are to words of rows.
     shape = (nz, ny, words) if frame.axis == 1 else (1, nz, ny * words)
     beyond = session.zeros((shape[0], shape[2]), np.uint32)
-    dense.fill(session, voxels.reshape(shape), beyond)
+    words_of_layers: cla.Array = voxels.reshape(shape)  # type: ignore[no-untyped-call]
+    dense.fill(session, words_of_layers, beyond)
     return voxels
 
 
@@ -49,6 +50,4 @@ def from_dense(session: Session, frame: Frame, voxels: cla.Array) -> CrossingLis
     rows = np.int32(frame.across[0]), np.int32(frame.shape[frame.axis])
     defines = {"FRACTION_BITS": frame.fraction_bits}
     arguments = *rows, *strides, voxels
-    return make_rows(
-        session, frame, "dexels/bits_to_rows.cl", "bits_to_rows", defines, arguments
-    )
+    return make_rows(session, frame, "dexels/bits_to_rows.cl", "bits_to_rows", defines, arguments)

@@ -7,6 +7,7 @@ from enum import IntEnum
 from typing import NamedTuple
 
 import numpy as np
+import pyopencl.array as cla
 
 from clvox.device import Session
 from clvox.device.session import Argument
@@ -98,7 +99,9 @@ def complement(session: Session, frame: Frame, lists: CrossingLists) -> Crossing
     """Return the box without the pieces of resolved rows."""
     arguments = *frame.box, *_rows(lists)
     defines = {"OP": int(Operation.DIFFERENCE)}
-    return make_rows(session, frame, "dexels/combine_rows.cl", "complement_rows", defines, arguments)
+    return make_rows(
+        session, frame, "dexels/combine_rows.cl", "complement_rows", defines, arguments
+    )
 
 
 def used_meshes(session: Session, lists: CrossingLists, starts: Sequence[int]) -> list[bool]:
@@ -149,7 +152,7 @@ def _count(
     name: str,
     defines: dict[str, int],
     arguments: tuple[Argument, ...],
-) -> tuple[Argument, int]:
+) -> tuple[cla.Array, int]:
     """Where the ends of each ray begin, and how many there are."""
     # One count more than there are rays, so that the last offset is the end of the last row.
     counts = session.zeros(frame.rays + 1, np.uint32)

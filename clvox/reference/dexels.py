@@ -6,6 +6,7 @@ alternates between ends that go in and ends that go out, each deeper than the on
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Iterable, Sequence
 from fractions import Fraction
 from typing import Literal, NamedTuple, TypeAlias
@@ -63,7 +64,7 @@ def rows_of(lists: Lists) -> list[Row]:
         )
     ]
     spans = lists.offsets.astype(np.int64).tolist()
-    return [ends[first:last] for first, last in zip(spans, spans[1:], strict=False)]
+    return [ends[first:last] for first, last in itertools.pairwise(spans)]
 
 
 def lists_of(rows: Iterable[Row]) -> Lists:

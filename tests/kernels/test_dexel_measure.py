@@ -58,10 +58,9 @@ def test_an_odd_ray_is_counted(session: Session) -> None:
 def from_sums(sums: tuple[int, ...], frame: Frame) -> tuple[Fraction, ...]:
     """The twin's integrals, from the kernel's sums, which count depths from the face."""
     unit = Fraction(1, 1 << frame.fraction_bits)
-    one, i, j, ii, jj, ij, w, wi, wj, ww = sums
-    one, i, j, ii, jj, ij = (Fraction(s) * unit for s in (one, i, j, ii, jj, ij))
-    w, wi, wj = (Fraction(s) * unit**2 / 2 for s in (w, wi, wj))
-    ww = Fraction(ww) * unit**3 / 3
+    one, i, j, ii, jj, ij = (value * unit for value in sums[:6])
+    w, wi, wj = (value * unit**2 / 2 for value in sums[6:9])
+    ww = sums[9] * unit**3 / 3
     half, twelfth = Fraction(1, 2), Fraction(1, 12)
     return (
         *(one, i, j, w - half * one, ii + twelfth * one, jj + twelfth * one),

@@ -19,7 +19,7 @@ from clvox.reference import dexels as twin
 from clvox.reference.crossings import AXES
 from clvox.reference.fill import FillRule, fill
 from clvox.reference.lists import Lists
-from tests.kernels.cases import INTERPRETED, facets_of, soup, some
+from tests.kernels.cases import INTERPRETED, facets_of, some, soup
 from tests.strategies import Mesh, adversarial_meshes, closed_meshes, join
 
 if TYPE_CHECKING:
@@ -56,8 +56,8 @@ def upload(session: Session, rows: list[twin.Row], bits: int) -> CrossingLists:
     lists = twin.lists_of(rows)
     side = np.where(lists.triangle == twin.CAP, dexels.CAP, lists.triangle).astype(np.uint32)
     side = (side * 2 + (lists.sign > 0)).astype(np.uint32).view(np.int32)
-    arrays = (session.upload(np.ascontiguousarray(a)) for a in (lists.offsets, lists.depth, side))
-    return CrossingLists(*arrays, fraction_bits=fraction_bits(bits))
+    held = [session.upload(np.ascontiguousarray(a)) for a in (lists.offsets, lists.depth, side)]
+    return CrossingLists(held[0], held[1], held[2], fraction_bits(bits))
 
 
 def crossings_of(session: Session, mesh: Mesh, frame: Frame, bits: int) -> CrossingLists:
@@ -86,9 +86,7 @@ def test_pieces_are_those_of_the_twin(
 
 
 @pytest.mark.parametrize("rule", RULES)
-def test_pieces_hold_the_samples_that_the_definition_says(
-    session: Session, rule: FillRule
-) -> None:
+def test_pieces_hold_the_samples_that_the_definition_says(session: Session, rule: FillRule) -> None:
     """The twin's own rows, by way of the twin's fill, along every axis."""
     for mesh in adversarial_meshes(31, some(40), 8, SHAPE):
         for axis, number in AXES.items():
@@ -100,9 +98,7 @@ def test_pieces_hold_the_samples_that_the_definition_says(
 
 
 @pytest.mark.parametrize("rule", RULES)
-def test_what_an_open_mesh_leaves_is_still_made_of_pieces(
-    session: Session, rule: FillRule
-) -> None:
+def test_what_an_open_mesh_leaves_is_still_made_of_pieces(session: Session, rule: FillRule) -> None:
     for seed in range(some(20)):
         for row in assert_resolves(session, soup(seed, 12, 8, SHAPE), 8, "z", rule):
             depths = [end.depth for end in row]
@@ -149,14 +145,14 @@ def test_combinations_are_those_of_the_twin(
     frame = frame_of("z", 8, shape)
     box = twin.box_of(5, frame.fraction_bits)
     a, b = (data.draw(pieces(6, box)) for _ in range(2))
-    lists = [upload(session, rows, 8) for rows in (a, b)]
-    found = dexels.combine(session, frame, *lists, NAMES[name])
+    first, second = (upload(session, rows, 8) for rows in (a, b))
+    found = dexels.combine(session, frame, first, second, NAMES[name])
     expected = [twin.combine(one, other, name) for one, other in zip(a, b, strict=True)]
     assert_same(found, expected)
-    same = all(not row for row in map(twin.combine, a, b, ["xor"] * 6))
-    assert dexels.differ(session, frame, *lists) != same
+    apart = any(twin.combine(one, other, "xor") for one, other in zip(a, b, strict=True))
+    assert dexels.differ(session, frame, first, second) == apart
     without = [twin.complement(row, box) for row in a]
-    assert_same(dexels.complement(session, frame, lists[0]), without)
+    assert_same(dexels.complement(session, frame, first), without)
 
 
 def test_triangles_of_the_second_operand_are_renumbered(session: Session) -> None:
@@ -170,6 +166,27 @@ def test_triangles_of_the_second_operand_are_renumbered(session: Session) -> Non
         session, frame, nothing, lists, Operation.UNION, [(0, 7), (5, -5), (9, 1000)]
     )
     assert read(found).triangle.tolist() == [7, 11, 0, 1009, twin.CAP, 1012]
+
+
+@pytest.mark.parametrize("ends", [2, 64, 66, 300])
+def test_meshes_are_marked_and_renumbered(session: Session, ends: int) -> None:
+    starts = np.array([0, 10, 11, 400, 500])
+    moved = np.array([0, 5, -3, -400, 1000])
+    rng = np.random.default_rng(ends)
+    numbers = rng.integers(0, 20, ends)
+    numbers[:2] = 450, twin.CAP
+    row = [twin.End(at, number, -1 if at % 2 else 1) for at, number in enumerate(numbers.tolist())]
+    lists = upload(session, [row], 8)
+    real = numbers[numbers != twin.CAP]
+    meshes = np.searchsorted(starts, real, side="right") - 1
+    used = dexels.used_meshes(session, lists, starts.tolist())
+    assert used == [mesh in meshes for mesh in range(len(starts))]
+    pairs = list(zip(starts.tolist(), moved.tolist(), strict=True))
+    dexels.renumber(session, lists, pairs)
+    expected = numbers.copy()
+    expected[numbers != twin.CAP] += moved[meshes]
+    assert read(lists).triangle.tolist() == expected.tolist()
+    assert read(lists).sign.tolist() == [end.sign for end in row]
 
 
 @pytest.mark.parametrize("bits", [7, 14])
@@ -209,10 +226,10 @@ def test_touching_meshes_merge_whatever_their_numbering(session: Session) -> Non
         for order in (parts, parts[::-1]):
             lists = crossings_of(session, join(order), frame, 8)
             solids.append(dexels.resolve(session, frame, lists, Rule.PARITY))
-        apart = [
+        one, other = (
             dexels.resolve(session, frame, crossings_of(session, part, frame, 8), Rule.PARITY)
             for part in parts
-        ]
-        solids.append(dexels.combine(session, frame, *apart, Operation.UNION))
+        )
+        solids.append(dexels.combine(session, frame, one, other, Operation.UNION))
         assert read(solids[0]).depth.tolist() == read(solids[1]).depth.tolist()
         assert read(solids[0]).depth.tolist() == read(solids[2]).depth.tolist()

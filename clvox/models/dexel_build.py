@@ -15,7 +15,7 @@ from clvox.models.dexel_sources import Source, Sources
 from clvox.models.dexels import AXES, DexelModel, DexelReport
 from clvox.models.triple import TripleDexelModel
 from clvox.ops import boundary
-from clvox.ops.facets import Facets, Progress, upload_facets
+from clvox.ops.facets import Progress, upload_facets
 from clvox.ops.lists import list_crossings
 from clvox.reference.fill import FillRule
 
