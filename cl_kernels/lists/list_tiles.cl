@@ -85,6 +85,10 @@ static inline void emit(Sink *sink, const int u, const int v, const int depth)
 #define rasterise rasterise_wide
 #include "crossings/rasterise.h"
 
+#if SINK == EMIT
+#include "lists/rasterise_quick.h"
+#endif
+
 static inline bool is_narrow(const Facet f)
 {
     const int2 low = min(min(f.a.xy, f.b.xy), f.c.xy);
@@ -92,6 +96,45 @@ static inline bool is_narrow(const Facet f)
     const long2 side = convert_long2(high - low);
     return ((side.x * side.y) >> STEP_BITS) + side.x + side.y < (long)INT_MAX - 16;
 }
+
+#if SINK == COUNT && GROUP == 1
+
+/* What the rasteriser does for a narrow triangle, without a branch that is hard to predict. */
+static inline void count_narrow(Sink *sink, const Facet f, const int4 box)
+{
+    const int2 ab = f.b.xy - f.a.xy;
+    const int2 bc = f.c.xy - f.b.xy;
+    const int2 ca = f.a.xy - f.c.xy;
+    const int2 p = box.xy << STEP_BITS;
+    const long wa = (long)bc.x * (p.y - f.b.y) - (long)bc.y * (p.x - f.b.x);
+    const long wb = (long)ca.x * (p.y - f.c.y) - (long)ca.y * (p.x - f.c.x);
+    const long wc = (long)ab.x * (p.y - f.a.y) - (long)ab.y * (p.x - f.a.x);
+    int row_a = (int)((wa - (edge_owns(bc) ? 0 : 1)) >> STEP_BITS);
+    int row_b = (int)((wb - (edge_owns(ca) ? 0 : 1)) >> STEP_BITS);
+    int row_c = (int)((wc - (edge_owns(ab) ? 0 : 1)) >> STEP_BITS);
+    const int fast_a = FAST_OF(-bc.y, bc.x);
+    const int fast_b = FAST_OF(-ca.y, ca.x);
+    const int fast_c = FAST_OF(-ab.y, ab.x);
+    __local uint *row = sink->next + (SLOW_OF(box.x, box.y) - sink->slow) * SIDE
+                      + (FAST_OF(box.x, box.y) - sink->fast);
+    const int count = FAST_OF(box.z - box.x, box.w - box.y) + 1;
+    for (int rows = SLOW_OF(box.z - box.x, box.w - box.y); rows >= 0; --rows, row += SIDE) {
+        int ea = row_a;
+        int eb = row_b;
+        int ec = row_c;
+        for (int ray = 0; ray < count; ++ray) {
+            row[ray] += 1u - ((uint)(ea | eb | ec) >> 31);
+            ea += fast_a;
+            eb += fast_b;
+            ec += fast_c;
+        }
+        row_a += SLOW_OF(-bc.y, bc.x);
+        row_b += SLOW_OF(-ca.y, ca.x);
+        row_c += SLOW_OF(-ab.y, ab.x);
+    }
+}
+
+#endif
 
 /* The rays (first u, first v, last u, last v) of a tile. */
 static inline int4 tile_window(const int4 window, const ulong tile)
@@ -112,6 +155,17 @@ static inline void cast_tile(
         const int4 box = ray_box(f, rays);
 #if SINK == EMIT
         sink->side = triangles[at] << 1 | f.flipped;
+#endif
+#if SINK == EMIT
+        if (is_narrow(f) && is_quick(f)) {
+            rasterise_quick(sink, f, box);
+            continue;
+        }
+#elif GROUP == 1
+        if (is_narrow(f)) {
+            count_narrow(sink, f, box);
+            continue;
+        }
 #endif
         if (is_narrow(f)) rasterise_narrow(sink, f, box);
         else rasterise_wide(sink, f, box);

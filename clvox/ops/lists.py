@@ -25,7 +25,7 @@ TILES_PER_LAUNCH = 1 << 12
 DIRECT = 16
 """Most tiles of a triangle that one work-item does alone."""
 
-LARGEST_SIDE, SMALLEST_SIDE, MOST_TILES = 32, 8, 256
+LARGEST_SIDE, SMALLEST_SIDE, MOST_TILES = 64, 8, 256
 """Rays along the side of a tile; a small bundle has smaller tiles, so that there are many."""
 
 _COUNT, _EMIT = 0, 3
