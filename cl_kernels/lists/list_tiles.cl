@@ -109,9 +109,12 @@ static inline void count_narrow(Sink *sink, const Facet f, const int4 box)
     const long wa = (long)bc.x * (p.y - f.b.y) - (long)bc.y * (p.x - f.b.x);
     const long wb = (long)ca.x * (p.y - f.c.y) - (long)ca.y * (p.x - f.c.x);
     const long wc = (long)ab.x * (p.y - f.a.y) - (long)ab.y * (p.x - f.a.x);
-    int row_a = (int)((wa - (edge_owns(bc) ? 0 : 1)) >> STEP_BITS);
-    int row_b = (int)((wb - (edge_owns(ca) ? 0 : 1)) >> STEP_BITS);
-    int row_c = (int)((wc - (edge_owns(ab) ? 0 : 1)) >> STEP_BITS);
+    int row_a = (int)(wa >> STEP_BITS);
+    int row_b = (int)(wb >> STEP_BITS);
+    int row_c = (int)(wc >> STEP_BITS);
+    if (!edge_owns(bc)) row_a = (int)((wa - 1) >> STEP_BITS);
+    if (!edge_owns(ca)) row_b = (int)((wb - 1) >> STEP_BITS);
+    if (!edge_owns(ab)) row_c = (int)((wc - 1) >> STEP_BITS);
     const int fast_a = FAST_OF(-bc.y, bc.x);
     const int fast_b = FAST_OF(-ca.y, ca.x);
     const int fast_c = FAST_OF(-ab.y, ab.x);
@@ -234,8 +237,9 @@ static inline void sort_row(__global int *depths, __global uint *sides, const ui
 }
 
 /* One group writes the crossings of one tile.
- * row_starts: (rows,) uint64, exclusive prefix sum of `rows`.
- * offsets: per ray, from its number of crossings to where they begin.
+ * total: all crossings.  row_starts: (rows,) uint64, exclusive prefix sum of `rows`.
+ * offsets: (rays + 1,) uint64, per ray from its number of crossings to where they begin; the last
+ * entry, undefined on entry, takes the total.
  * depths: int32, sides: triangle * 2 + (1 if the ray goes in), undefined on entry.
  * found: (2,) uint32, zero on entry: rays with more than SHORT crossings, and the most of them; they
  * are not sorted.  list: their numbers; lengths: of crossings, in the same order, which is none. */
@@ -243,7 +247,7 @@ __kernel void write_tile(
     const ulong first, const ulong last, const int4 window,
     const __global int *restrict faces, const __global int *restrict vertices,
     const __global ulong *restrict starts, const __global uint *restrict triangles,
-    const __global ulong *restrict row_starts, __global ulong *restrict offsets,
+    const ulong total, const __global ulong *restrict row_starts, __global ulong *restrict offsets,
     __global int *depths, __global uint *sides,
     __global uint *found, __global ulong *restrict list, __global uint *restrict lengths)
 {
@@ -276,6 +280,8 @@ __kernel void write_tile(
         }
         bases[row] = base;
     }
+    if (tile == 0 && get_local_id(0) == 0)
+        offsets[(ulong)(window.z + 1) * (window.w + 1)] = total;
     barrier(CLK_LOCAL_MEM_FENCE);
     if (live) cast_tile(&sink, rays, faces, vertices, triangles, starts[tile], starts[tile + 1]);
     barrier(CLK_LOCAL_MEM_FENCE | CLK_GLOBAL_MEM_FENCE);

@@ -10,6 +10,7 @@ import pyopencl.array as cla
 from numpy.typing import NDArray
 
 from clvox.device import GROUP, Session
+from clvox.device.session import Argument
 from clvox.grid import Shape
 from clvox.ops import crossings
 from clvox.ops.crossings import Window, fraction_bits
@@ -121,7 +122,7 @@ def list_crossings(
     defines |= {"SIDE": side, "SHORT": short, "GROUP": group}
     inputs = facets.faces, facets.vertices, starts, triangles
 
-    def run(name: str, sink: int, *outputs: cla.Array) -> None:
+    def run(name: str, sink: int, *outputs: Argument) -> None:
         kernel = session.kernel("lists/list_tiles.cl", name, SINK=sink, **defines)
         for first in range(0, tiles, TILES_PER_LAUNCH):
             last = min(first + TILES_PER_LAUNCH, tiles)
@@ -130,14 +131,13 @@ def list_crossings(
 
     run("count_tile", _COUNT, rows, offsets)
     row_starts, total = prefix_sum(session, rows, bits=64)
-    offsets[window.rays :].set(np.array([total], np.uint64))
     depth, sides = session.empty(total, np.int32), session.empty(total, np.int32)
     room = max(1, min(window.rays, total // (short + 1)))
     found = session.zeros(2, np.uint32)
-    listed, lengths = session.empty(room, np.uint64), session.empty(room + 1, np.uint32)
+    listed, lengths = session.empty(room, np.uint64), session.zeros(room + 1, np.uint32)
+    lists, long_rows = (offsets, depth, sides), (found, listed, lengths)
+    run("write_tile", _EMIT, np.uint64(total), row_starts, *lists, *long_rows)
     if total:
-        run("write_tile", _EMIT, row_starts, offsets, depth, sides, found, listed, lengths)
-        lists = offsets, depth, sides
         _sort_long(session, lists, int(found.get()[0]), listed, lengths, short)
     return CrossingLists(offsets, depth, sides, fraction_bits(bits))
 
@@ -198,9 +198,8 @@ def _sort_long(
     """Sort the rows on the list, which no work-item could sort alone, by way of a copy."""
     if not entries:
         return
-    lengths = lengths[: entries + 1]
-    lengths[entries:].set(np.zeros(1, np.uint32))
-    starts, total = prefix_sum(session, lengths, bits=64)
+    # The entry after the last is zero, so that its sum is where the last row ends.
+    starts, total = prefix_sum(session, lengths[: entries + 1], bits=64)
     rows = session.empty(total, np.int64)
 
     def move(back: int) -> None:

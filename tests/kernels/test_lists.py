@@ -100,7 +100,9 @@ def test_touching_boxes_meet_at_one_depth_in_the_order_of_their_triangles(sessio
 
 
 @every_axis
-@pytest.mark.parametrize("group, side, direct, short", [(1, 3, 16, 2), (4, 2, 1, 32), (64, 8, 2, 1)])
+@pytest.mark.parametrize(
+    "group, side, direct, short", [(1, 3, 16, 2), (4, 2, 1, 32), (64, 8, 2, 1)]
+)
 def test_tiles_groups_and_short_rows_change_nothing(
     session: Session, axis: Axis, group: int, side: int, direct: int, short: int
 ) -> None:
