@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from clvox.device import devices
     from clvox.mesh import load
     from clvox.models import (
+        Cutter,
         DexelModel,
         TripleDexelModel,
         VoxelModel,
@@ -41,6 +42,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "ClvoxError",
+    "Cutter",
     "DeviceError",
     "DexelModel",
     "FormatError",
@@ -64,6 +66,7 @@ __all__ = [
 ]
 
 _HOMES = {
+    "Cutter": "clvox.models",
     "DexelModel": "clvox.models",
     "TripleDexelModel": "clvox.models",
     "VoxelModel": "clvox.models",

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Literal, TypeAlias, get_args, overload
+from typing import Any, Literal, TypeAlias, get_args, overload
 
+import numpy as np
+import trimesh
 from numpy.typing import ArrayLike
 
 from clvox.device import DeviceLike, Session, open_session
-from clvox.errors import GridError
+from clvox.errors import GridError, MeshError
 from clvox.grid import Axis, Grid, Lattice
 from clvox.mesh import MeshLike, Surface, check
 from clvox.models.build import Stages, told
@@ -15,6 +17,7 @@ from clvox.models.dexel_sources import Source, Sources
 from clvox.models.dexels import AXES, DexelModel, DexelReport
 from clvox.models.triple import TripleDexelModel
 from clvox.ops import boundary
+from clvox.ops.crossings import fraction_bits
 from clvox.ops.facets import Progress, upload_facets
 from clvox.ops.lists import list_crossings
 from clvox.reference.fill import FillRule
@@ -144,6 +147,25 @@ def dexelize(
     with told(total, "dexelize", progress=progress) as tell:
         models = _build(session, surface, lattice, axes, fill, tell)
     return models[0] if len(models) == 1 else TripleDexelModel(*models)
+
+
+def remade(
+    mesh: trimesh.Trimesh,
+    transform: ArrayLike,
+    grid: Grid,
+    like: DexelModel | TripleDexelModel,
+) -> Any:
+    """Return dexels of *mesh* moved, on *grid*, that can be combined with those of *like*."""
+    if not len(mesh.faces):
+        raise MeshError("nothing is inside, so there is nothing to move")
+    moved = mesh.copy().apply_transform(np.asarray(transform, dtype=np.float64))
+    bundle = like.x if isinstance(like, TripleDexelModel) else like
+    axis: Any = "xyz" if isinstance(like, TripleDexelModel) else bundle.axis
+    bits = Lattice.fit(grid, moved.bounds).bits
+    if fraction_bits(bits) != bundle.fraction_bits:
+        bits = bundle.fraction_bits - fraction_bits(0)
+    session = bundle._session
+    return dexelize(moved, grid=grid, axis=axis, lattice_bits=bits, device=session.device)
 
 
 def _build(

@@ -16,9 +16,10 @@ from clvox.errors import GridError
 from clvox.grid import Axis, Grid, Lattice
 from clvox.models import archive, dexel_archive
 from clvox.models.dexel_moments import Integrals
-from clvox.models.dexel_sources import Sources
+from clvox.models.dexel_sources import Source, Sources
 from clvox.models.dexel_surface import move_vertices
 from clvox.models.levels import Levels, resolve_levels
+from clvox.models.milling import Cut, Cutter, Work, moves_of
 from clvox.models.voxels import Report, VoxelModel
 from clvox.ops import combine, dexel_measure, dexel_voxels, dexels
 from clvox.ops.combine import Operation
@@ -272,6 +273,72 @@ class DexelModel:
         """The grid's box without the model."""
         pieces = dexels.complement(self._session, self._frame, self._pieces)
         return self._with(pieces, self._sources)
+
+    # Milling
+
+    def cut(self, cutter: Cutter, path: ArrayLike) -> Cut:
+        """Return what is left after a cutter has moved along a path, and what each move took.
+
+        The rays must be along z, as the cutter's axis is.  Each move sweeps an exact volume, of
+        which all is taken that lies in the solid; it ends to 2**-18 of a voxel.
+
+        Parameters
+        ----------
+        cutter : Cutter
+        path : (n + 1, 3) float64
+            Where the tip of the cutter goes, on straight lines: n moves.
+
+        Returns
+        -------
+        Cut
+
+        Raises
+        ------
+        GridError
+            The rays are not along z, or the path is not of finite points.
+
+        Examples
+        --------
+        >>> import clvox, trimesh
+        >>> block = clvox.dexelize(trimesh.creation.box((20.0, 20.0, 5.0)), pitch=0.25)
+        >>> cut = block.cut(clvox.Cutter.ball(2.0), [(-12, 0, 1.5), (12, 0, 1.5)])
+        >>> bool(cut.removed[0] == block.volume - cut.model.volume)
+        True
+        """
+        if self.axis != "z":
+            raise GridError(f"a cutter's axis is z, so the rays must be along z, got {self.axis}")
+        work = Work.of(self.grid, self._frame, self._pieces)
+        took = [
+            work.cut(number, cutter, start, stop)
+            for number, (start, stop) in enumerate(moves_of(path))
+        ]
+        lengths = np.array(took, np.float64) * self._unit
+        sources = Sources((Source(len(took)),))
+        swept = self._with(work.rows(self._session), sources)
+        section = self.grid.spacing[0] * self.grid.spacing[1]
+        return Cut(self - swept, lengths[:, 0] * section, lengths[:, 1])
+
+    def moved(self, transform: ArrayLike, *, grid: Grid | None = None) -> DexelModel:
+        """Return the model moved, by way of its mesh: as if it were clamped anew.
+
+        A mesh of one bundle is rough across its rays; `TripleDexelModel.moved` loses less.
+
+        Parameters
+        ----------
+        transform : (4, 4) float64
+            As for `trimesh.Trimesh.apply_transform`.
+        grid : Grid, optional
+            Where the result is; the grid of this model by default.
+
+        Raises
+        ------
+        MeshError
+            Nothing is inside.
+        """
+        from clvox.models.dexel_build import remade
+
+        made: DexelModel = remade(self.to_mesh(), transform, grid or self.grid, self)
+        return made
 
     # Measures
 

@@ -102,6 +102,13 @@ class TripleDexelModel:
         """The grid's box without the model."""
         return TripleDexelModel(~self.x, ~self.y, ~self.z)
 
+    def moved(self, transform: ArrayLike, *, grid: Grid | None = None) -> TripleDexelModel:
+        """Return the model moved, by way of its mesh: see `DexelModel.moved`."""
+        from clvox.models.dexel_build import remade
+
+        made: TripleDexelModel = remade(self.to_mesh(), transform, grid or self.grid, self)
+        return made
+
     # Measures, of which the rays along each axis give one
 
     @property
