@@ -30,6 +30,10 @@ hypothesis.settings.register_profile(
 )
 hypothesis.settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "default"))
 
+if "OCLGRIND_LOG" in os.environ and "PYTEST_XDIST_WORKER" in os.environ:
+    # Each of several processes has a log of its own: Oclgrind begins it anew.
+    os.environ["OCLGRIND_LOG"] += "." + os.environ["PYTEST_XDIST_WORKER"]
+
 
 @pytest.fixture(scope="session")
 def session() -> Session:

@@ -2,8 +2,9 @@
  * boundary/mark_cells.cl: the bit of every cell that some triangle touches.
  *
  * Cells are those of a coarse grid, or the smaller ones in the bricks above which a tree stands:
- * voxels, or cells of the middle level.  Each triangle walks the columns of cells in its shadow along the dominant axis
- * of its normal, and its plane bounds the cells of each column: never all cells of its box.
+ * voxels, or cells of the middle level.  Each triangle walks the columns of cells in its shadow
+ * along the dominant axis of its normal, and its plane bounds the cells of each column: never all
+ * cells of its box.  A triangle within one row or one layer of cells takes a shorter way.
  *
  * Host:       clvox/ops/boundary.py
  * Reference:  clvox/reference/boundary.py
@@ -110,6 +111,26 @@ static void mark_columns(Sink *sink, const Solid *s, const int4 box)
     }
 }
 
+/* All cells that a triangle touches which lies within one layer of cells across `axis`: there its
+ * shadow decides.  a, b, c: its corners, across that axis; box: the columns of the layer. */
+static void mark_layer(
+    Sink *sink, const int2 a, const int2 b, const int2 c, const int axis, const int4 box,
+    const int first, const int last)
+{
+    const int2 cell = permute(CELL_SIDES, axis).xy;
+    const long turn = cross2(a, b, c);
+    const Side sides[3] = {
+        make_side(a, b, turn, cell), make_side(b, c, turn, cell), make_side(c, a, turn, cell)};
+    for (int i = box.x; i <= box.z; ++i) {
+        const int u = i * cell.x - HALF_STEP;
+        for (int j = box.y; j <= box.w; ++j) {
+            const int v = j * cell.y - HALF_STEP;
+            if (meets(sides[0], u, v) & meets(sides[1], u, v) & meets(sides[2], u, v))
+                for (int k = first; k <= last; ++k) mark(sink, restore((int3)(i, j, k), axis));
+        }
+    }
+}
+
 /* All cells that one triangle touches; or false if its columns are too many. */
 static bool mark_triangle(
     Sink *sink, const int3 grid, const __global int *faces, const __global int *vertices,
@@ -120,11 +141,8 @@ static bool mark_triangle(
     const int3 c = corner_of(vertices, faces[3 * triangle + 2]);
     const int3 low = min(min(a, b), c);
     const int3 high = max(max(a, b), c);
-    const int3 side = CELL_SIDES;
-    const int3 first_cell = (int3)(first_touched(low.x, side.x), first_touched(low.y, side.y),
-                                   first_touched(low.z, side.z));
-    const int3 last_cell = (int3)(last_touched(high.x, side.x), last_touched(high.y, side.y),
-                                  last_touched(high.z, side.z));
+    const int3 first_cell = first_cell_of(low);
+    const int3 last_cell = last_cell_of(high);
     const int3 from = max(first_cell, (int3)(0));
     const int3 to = min(last_cell, grid - 1);
     if (to.x < from.x || to.y < from.y || to.z < from.z) return true;
@@ -134,6 +152,16 @@ static bool mark_triangle(
         for (int z = from.z; z <= to.z; ++z)
             for (int y = from.y; y <= to.y; ++y)
                 for (int x = from.x; x <= to.x; ++x) mark(sink, (int3)(x, y, z));
+        return true;
+    }
+    if (more.x == 0 || more.y == 0 || more.z == 0) {
+        const int axis = more.x == 0 ? 0 : more.y == 0 ? 1 : 2;
+        const int3 first = permute(from, axis);
+        const int3 last = permute(to, axis);
+        const int4 box = (int4)(first.x, first.y, last.x, last.y);
+        if (!is_small(box)) return false;
+        mark_layer(sink, permute(a, axis).xy, permute(b, axis).xy, permute(c, axis).xy, axis,
+                   box, first.z, last.z);
         return true;
     }
     Solid s;

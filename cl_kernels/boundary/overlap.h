@@ -56,8 +56,13 @@ static inline int3 restore(const int3 p, const int axis)
     return axis == 0 ? p.zxy : axis == 1 ? p.yzx : p;
 }
 
+/* Whether cells are cubes, so that their side is a constant however axes are permuted. */
+#define CUBES (CELL_X == CELL_Y && CELL_Y == CELL_Z)
+
 static inline int floor_div(const int a, const int b)
 {
+    /* A constant power of two shifts; shifts of negative numbers floor, by definition. */
+    if ((b & (b - 1)) == 0) return a >> popcount(b - 1);
     const int quotient = a / b;
     return quotient - (a - quotient * b < 0);
 }
@@ -71,6 +76,21 @@ static inline int first_touched(const int low, const int side)
 static inline int last_touched(const int high, const int side)
 {
     return floor_div(high + HALF_STEP, side);
+}
+
+/* First and last cell along each axis (x, y, z) that the closed box touches. */
+static inline int3 first_cell_of(const int3 low)
+{
+    const int3 side = CELL_SIDES;
+    return (int3)(first_touched(low.x, side.x), first_touched(low.y, side.y),
+                  first_touched(low.z, side.z));
+}
+
+static inline int3 last_cell_of(const int3 high)
+{
+    const int3 side = CELL_SIDES;
+    return (int3)(last_touched(high.x, side.x), last_touched(high.y, side.y),
+                  last_touched(high.z, side.z));
 }
 
 static inline Side make_side(
@@ -127,15 +147,8 @@ static inline int4 make_solid(
         s->axis = ax >= ay ? (ax >= az ? 0 : 2) : (ay >= az ? 1 : 2);
     }
     s->cell = permute(CELL_SIDES, s->axis);
-    const int3 shape = permute(cells, s->axis);
-    const int3 from = permute(low, s->axis);
-    const int3 to = permute(high, s->axis);
-    s->first = max(
-        (int3)(first_touched(from.x, s->cell.x), first_touched(from.y, s->cell.y),
-               first_touched(from.z, s->cell.z)), (int3)(0));
-    s->last = min(
-        (int3)(last_touched(to.x, s->cell.x), last_touched(to.y, s->cell.y),
-               last_touched(to.z, s->cell.z)), shape - 1);
+    s->first = permute(max(first_cell_of(low), (int3)(0)), s->axis);
+    s->last = permute(min(last_cell_of(high), cells - 1), s->axis);
     a = permute(a, s->axis);
     b = permute(b, s->axis);
     c = permute(c, s->axis);
@@ -179,8 +192,9 @@ static inline int2 depths_in_column(const Solid *s, const int u, const int v)
     const float middle = (float)s->a.z + s->slope_u * ((float)(u - s->a.x) + half_u)
                                        + s->slope_v * ((float)(v - s->a.y) + half_v);
     const float reach = fabs(s->slope_u) * half_u + fabs(s->slope_v) * half_v + DEPTH_MARGIN;
-    return (int2)(max(s->first.z, first_touched((int)floor(middle - reach), s->cell.z)),
-                  min(s->last.z, last_touched((int)ceil(middle + reach), s->cell.z)));
+    const int side = CUBES ? CELL_X << STEP_BITS : s->cell.z;
+    return (int2)(max(s->first.z, first_touched((int)floor(middle - reach), side)),
+                  min(s->last.z, last_touched((int)ceil(middle + reach), side)));
 }
 
 /* Do the remaining tests hold for the cell with lowest corner (u, v, w)? */

@@ -129,7 +129,8 @@ static inline uint word_of(
  * mixed, solid: bits of those cells, undefined on entry. */
 __kernel void combine_middle(
     const ulong words, const int4 shape, const int4 cells, const __global int *restrict owners,
-    PARAMETERS_OF(a), PARAMETERS_OF(b), __global uint *restrict mixed, __global uint *restrict solid)
+    PARAMETERS_OF(a), PARAMETERS_OF(b),
+    __global uint *restrict mixed, __global uint *restrict solid)
 {
     const ulong id = get_global_id(0);
     if (id >= words) return;

@@ -29,7 +29,7 @@ static inline uint words_in_row(const uint cells)
 /* Word of the coarse bits that holds cell (x, y, z); the bit is x % 32. */
 static inline ulong cell_word(const int4 cells, const int x, const int y, const int z)
 {
-    return ((ulong)z * cells.y + y) * words_in_row(cells.x) + x / 32;
+    return ((ulong)z * cells.y + y) * words_in_row(cells.x) + (uint)x / 32;
 }
 
 /* Number of set bits of `boundary` before bit `bit` of word `word`. */
@@ -47,8 +47,9 @@ static inline uint find_coarse(
     const int x, const int y, const int z)
 {
     const ulong word = cell_word(cells, x, y, z);
-    if (!(boundary[word] >> (x % 32) & 1)) return NO_BRICK;
-    return rank_of(boundary, rank, word, x % 32);
+    const uint bit = (uint)x % 32;
+    if (!(boundary[word] >> bit & 1)) return NO_BRICK;
+    return rank_of(boundary, rank, word, bit);
 }
 
 /* The tree above the bricks of voxels, as kernel arguments and as a value.

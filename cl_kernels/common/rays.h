@@ -49,6 +49,9 @@ static inline Facet load_facet(
     return f;
 }
 
+/* A window without bounds. */
+#define ALL_RAYS ((int4)(INT_MIN, INT_MIN, INT_MAX, INT_MAX))
+
 /* The rays (first u, first v, last u, last v) that may meet the triangle, of those in `window`,
  * which is such a box too; a last before its first means none. */
 static inline int4 ray_box(const Facet f, const int4 window)

@@ -11,7 +11,7 @@
  * Defines:    AXIS       axis of the rays: 0, 1 or 2; 1 for the sinks DENSE and BRICKS
  *             STEP_BITS  log2 of the lattice steps in one voxel
  *             SINK       0: COUNT, 1: DENSE, 2: BRICKS, 3: EMIT (crossings/sinks.h)
- *             EDGE_BITS  32 or 64, of the edge functions (crossings/rasterise.h)
+ *             EDGE_BITS  32 for cast_direct, 64 for cast_tiles (crossings/rasterise.h)
  *             RUN        triangles in a row that one work-item does directly
  *             DIRECT     most candidate rays of a triangle that is done directly
  *             TILE       side of a tile, in rays
@@ -23,23 +23,17 @@
 #include "common/rays.h"
 #include "common/tiles.h"
 #include "crossings/sinks.h"
-
 #include "crossings/rasterise.h"
 
-/* Do the triangle's edge functions, in units of a voxel, fit edge_t wherever they are stepped? */
-static inline bool fits_edge(const Facet f)
-{
-#if EDGE_BITS == 64
-    return true;
+/* A triangle done directly spans less than one voxel more than its rays along u and along v.  So
+ * its edge functions, in units of a voxel, stay below 4 * DIRECT * STEP <= 2^30 in its box, and one
+ * step beyond it below 2^31. */
+#if EDGE_BITS == 32 && DIRECT > 1 << 14
+#error "DIRECT is at most 2^14, so that edge functions fit 32 bits"
 #endif
-    const int2 low = min(min(f.a.xy, f.b.xy), f.c.xy);
-    const int2 high = max(max(f.a.xy, f.b.xy), f.c.xy);
-    const long2 side = convert_long2(high - low);
-    return ((side.x * side.y) >> STEP_BITS) + side.x + side.y < (long)INT_MAX - 16;
-}
 
-/* One work-item does RUN triangles in a row, from `first` on: those of few candidate rays whose
- * edge functions fit; the others it puts on the list.
+/* One work-item does RUN triangles in a row, from `first` on: those of few candidate rays; the
+ * others it puts on the list.
  * window: the rays (first u, first v, last u, last v) that are cast.
  * faces: (m, 3) int32, vertices: (n, 3) int32, on the lattice.
  * listed: (1,) uint32, length of the list, zero before the first launch.
@@ -51,18 +45,20 @@ __kernel void cast_direct(
 {
     const ulong start = first + get_global_id(0) * RUN;
     Sink sink = MAKE_SINK(window);
+    Found found;
+    found.count = 0;
     for (ulong triangle = start; triangle < min(start + RUN, last); ++triangle) {
         const Facet f = load_facet(faces, vertices, triangle);
         const int4 box = ray_box(f, window);
         if (f.area == 0 || box_is_empty(box)) continue;
-        if (is_small(box) && fits_edge(f)) {
+        if (is_small(ray_box(f, ALL_RAYS))) {
             begin(&sink, triangle, f.flipped);
-            rasterise(&sink, f, box);
+            rasterise(&sink, &found, f, box);
         } else {
             list[atomic_inc(listed)] = (uint)triangle;
         }
     }
-    finish(&sink);
+    drain(&found, &sink);
 }
 
 /* One work-item counts the tiles of one listed triangle.
@@ -91,7 +87,9 @@ __kernel void cast_tiles(
     const Facet f = load_facet(faces, vertices, list[item]);
     const int4 box = tile_box(ray_box(f, window), (uint)(pair - offsets[item]));
     Sink sink = MAKE_SINK(window);
+    Found found;
+    found.count = 0;
     begin(&sink, list[item], f.flipped);
-    rasterise(&sink, f, box);
-    finish(&sink);
+    rasterise(&sink, &found, f, box);
+    drain(&found, &sink);
 }

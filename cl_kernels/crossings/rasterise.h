@@ -1,9 +1,12 @@
 /*
  * crossings/rasterise.h: every crossing of the rays in a box with one triangle.
  *
- * Edge functions are stepped in 32 bits, for triangles where they fit, or in 64; the answers are
- * the same.  A sink is defined before: a type Sink and a function cross(Sink *, int u, int v, int
- * slot), or for the sink EMIT emit(Sink *, int u, int v, int depth).
+ * Edge functions are stepped in 32 bits, for triangles of few candidate rays, or in 64; the
+ * answers are the same.  A sink is defined before (crossings/sinks.h): a type Sink and a function
+ * cross(Sink *, int u, int v, int at), `at` being the slot, or for the sink EMIT the depth.
+ *
+ * Whether a ray is covered, nobody foresees: crossings are found without a branch, and handed to
+ * the sink some dozens at a time, by drain().
  *
  * Rays are STEP apart, so an edge function W changes by whole multiples of STEP from ray to ray:
  * E = (W - t) >> STEP_BITS is stepped, with t = 0 if the edge owns its rays and 1 if not, and
@@ -29,7 +32,23 @@ typedef long edge_t;
 
 #define ROUNDER 12582912.0f
 
-static inline void rasterise(Sink *sink, const Facet f, const int4 box)
+#define MOST_FOUND 32
+
+/* Crossings that the sink has not been given yet. */
+typedef struct {
+    uint count;
+    int u[MOST_FOUND], v[MOST_FOUND], slot[MOST_FOUND];
+} Found;
+
+static inline void drain(Found *found, Sink *sink)
+{
+    for (uint i = 0; i < found->count; ++i)
+        cross(sink, found->u[i], found->v[i], found->slot[i]);
+    found->count = 0;
+}
+
+/* Finds every crossing of the rays in `box` with triangle f; some may be left to drain(). */
+static inline void rasterise(Sink *sink, Found *found, const Facet f, const int4 box)
 {
     #pragma OPENCL FP_CONTRACT OFF
     const int2 ab = f.b.xy - f.a.xy;
@@ -46,12 +65,14 @@ static inline void rasterise(Sink *sink, const Facet f, const int4 box)
     edge_t row_b = (edge_t)(wb >> STEP_BITS);
     edge_t row_c = (edge_t)(wc >> STEP_BITS);
 
-    /* A box that is only a part of the triangle's may lie beside it altogether. */
+#if EDGE_BITS == 64
+    /* A tile, a part of the triangle's box only, may lie beside it altogether. */
     const edge_t du = box.z - box.x;
     const edge_t dv = box.w - box.y;
     if (row_a + max(bc.x, 0) * dv + max(-bc.y, 0) * du < 0) return;
     if (row_b + max(ca.x, 0) * dv + max(-ca.y, 0) * du < 0) return;
     if (row_c + max(ab.x, 0) * dv + max(-ab.y, 0) * du < 0) return;
+#endif
 
     const long rest_a = (wa & (STEP - 1)) + ta;
     const long rest_b = (wb & (STEP - 1)) + tb;
@@ -78,13 +99,14 @@ static inline void rasterise(Sink *sink, const Facet f, const int4 box)
         edge_t eb = row_b;
         edge_t ec = row_c;
         for (int v = box.y; v <= box.w; ++v) {
-            if ((ea | eb | ec) >= 0) {
-                const float estimate = (float)ea * slope_a + (float)eb * slope_b + base;
-                /* Rounded to the nearest integer by its place in the significand: exact for
-                 * |estimate| < 2^22, and quicker than rint() on some devices. */
-                const float shifted = estimate + ROUNDER;
-                const int m = as_int(shifted) - as_int(ROUNDER);
+            const bool covered = (ea | eb | ec) >= 0;
+            const float estimate = (float)ea * slope_a + (float)eb * slope_b + base;
+            /* Rounded to the nearest integer by its place in the significand: exact for
+             * |estimate| < 2^22, and quicker than rint() on some devices. */
+            const float shifted = estimate + ROUNDER;
+            const int m = as_int(shifted) - as_int(ROUNDER);
 #if SINK == EMIT
+            if (covered) {
                 const ulong residual = residual_of(
                     (long)ea * STEP + rest_a, (long)eb * STEP + rest_b, d0, d1, f.area,
                     base_rest - (long)m * STEP);
@@ -92,19 +114,24 @@ static inline void rasterise(Sink *sink, const Facet f, const int4 box)
                 const long left = (long)((residual << FRACTION_BITS)
                                          - (ulong)(long)digit * ((ulong)f.area << STEP_BITS));
                 const uint whole = (uint)(base_slot + m) << FRACTION_BITS;
-                emit(sink, u, v, (int)(whole + (uint)digit + (left > -tie)));
-#else
-                const float beyond = estimate - (shifted - ROUNDER);
-                bool after = beyond > 0.0f;
-                if (fabs(beyond) <= doubt) {
-                    const ulong residual = residual_of(
-                        (long)ea * STEP + rest_a, (long)eb * STEP + rest_b, d0, d1, f.area,
-                        base_rest - (long)m * STEP);
-                    after = (long)residual > -tie;
-                }
-                cross(sink, u, v, base_slot + m + after);
-#endif
+                cross(sink, u, v, (int)(whole + (uint)digit + (left > -tie)));
             }
+#else
+            const float beyond = estimate - (shifted - ROUNDER);
+            bool after = beyond > 0.0f;
+            if (covered & (fabs(beyond) <= doubt)) {
+                const ulong residual = residual_of(
+                    (long)ea * STEP + rest_a, (long)eb * STEP + rest_b, d0, d1, f.area,
+                    base_rest - (long)m * STEP);
+                after = (long)residual > -tie;
+            }
+            found->u[found->count] = u;
+            found->v[found->count] = v;
+            /* Unsigned: m says nothing where the ray is not covered. */
+            found->slot[found->count] = (int)((uint)base_slot + (uint)m + after);
+            found->count += covered;
+            if (found->count == MOST_FOUND) drain(found, sink);
+#endif
             ea += bc.x;
             eb += ca.x;
             ec += ab.x;

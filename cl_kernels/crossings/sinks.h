@@ -1,12 +1,10 @@
 /*
  * crossings/sinks.h: what becomes of a crossing.
  *
- * A sink is a type Sink with the functions cross(), or emit() for EMIT, and finish();
- * SINK_PARAMETERS are its kernel arguments and MAKE_SINK gathers them, for the rays of a window
- * (first u, first v, last u, last v).  begin() tells it of each triangle that is cast.  COUNT,
- * DENSE and BRICKS commute and what EMIT lists is sorted afterwards, so the order of the triangles
- * never shows.  Neighbouring crossings often flip bits of one word: these are gathered, and written
- * when another word's turn comes.
+ * A sink is a type Sink with the function cross(); SINK_PARAMETERS are its kernel arguments and
+ * MAKE_SINK gathers them, for the rays of a window (first u, first v, last u, last v).  begin()
+ * tells it of each triangle that is cast.  COUNT, DENSE and BRICKS commute and what EMIT lists is
+ * sorted afterwards, so the order of the triangles never shows.
  *
  * Defines:    SINK  COUNT, DENSE, BRICKS or EMIT; and what these need: see cast_rays.cl
  */
@@ -32,21 +30,6 @@ static inline ulong ray_number(const int4 window, const int u, const int v)
 
 #endif
 
-#define GATHER_FLIPS \
-    static inline void finish(Sink *sink) \
-    { \
-        if (sink->bits) atomic_xor(sink->word, sink->bits); \
-    } \
-    static inline void flip(Sink *sink, __global uint *word, const uint bit) \
-    { \
-        if (word != sink->word) { \
-            finish(sink); \
-            sink->word = word; \
-            sink->bits = 0; \
-        } \
-        sink->bits ^= bit; \
-    }
-
 #if SINK == COUNT
 
 /* counts: crossings per ray, added to. */
@@ -61,8 +44,6 @@ static inline void cross(Sink *sink, const int u, const int v, const int slot)
 {
     atomic_inc(sink->counts + ray_number(sink->window, u, v));
 }
-
-static inline void finish(Sink *sink) {}
 
 #elif SINK == EMIT
 
@@ -85,38 +66,33 @@ static inline void begin(Sink *sink, const ulong triangle, const bool flipped)
 }
 
 /* depth: fixed point in voxels, FRACTION_BITS after the point, rounded up. */
-static inline void emit(Sink *sink, const int u, const int v, const int depth)
+static inline void cross(Sink *sink, const int u, const int v, const int depth)
 {
     const ulong ray = ray_number(sink->window, u, v);
     const ulong at = sink->starts[ray] + (atomic_dec(sink->left + ray) - 1);
     sink->rows[at] = (long)((ulong)(uint)depth << 32 | sink->side);
 }
 
-static inline void finish(Sink *sink) {}
-
 #elif SINK == DENSE
 
 /* Rays along y: u is z and v is x.  The bit flipped is that of the first voxel after the crossing.
- * voxels: bits, rows padded to words.  beyond: a bit per ray, (z, x), for crossings past the end. */
+ * voxels: bits, rows padded to words.
+ * beyond: a bit per ray, (z, x), for crossings past the end. */
 #define SINK_PARAMETERS \
     const int depth, const int row_words, __global uint *voxels, __global uint *beyond
-#define MAKE_SINK(window) { depth, row_words, voxels, beyond, voxels, 0 }
+#define MAKE_SINK(window) { depth, row_words, voxels, beyond }
 typedef struct {
     int depth, row_words;
     __global uint *voxels;
     __global uint *beyond;
-    __global uint *word;
-    uint bits;
 } Sink;
-
-GATHER_FLIPS
 
 static inline void cross(Sink *sink, const int u, const int v, const int slot)
 {
     __global uint *row = slot >= sink->depth
         ? sink->beyond + (ulong)u * sink->row_words
         : sink->voxels + ((ulong)u * sink->depth + max(slot, 0)) * sink->row_words;
-    flip(sink, row + v / 32, 1u << (v % 32));
+    atomic_xor(row + (uint)v / 32, 1u << ((uint)v % 32));
 }
 
 #elif SINK == BRICKS
@@ -132,7 +108,7 @@ static inline void cross(Sink *sink, const int u, const int v, const int slot)
     const int4 columns, TREE_PARAMETERS, \
     __global uint *bricks, __global uint *exits, __global uint *entry, __global uint *beyond
 #define MAKE_SINK(window) \
-    { TREE, columns, bricks, exits, entry, beyond, (int4)(-1), NO_BRICK, bricks, 0 }
+    { TREE, columns, bricks, exits, entry, beyond, ULONG_MAX, NO_BRICK }
 typedef struct {
     Tree tree;
     int4 columns;
@@ -140,30 +116,29 @@ typedef struct {
     __global uint *exits;
     __global uint *entry;
     __global uint *beyond;
-    int4 cell;  /* the cell looked up last, since neighbouring crossings share it */
+    ulong cell;  /* the cell looked up last, since neighbouring crossings share it */
     uint brick;
-    __global uint *word;
-    uint bits;
 } Sink;
-
-GATHER_FLIPS
 
 static inline void cross(Sink *sink, const int u, const int v, const int slot)
 {
-    const int x = v / BRICK_X;
-    const int z = u / BRICK_Z;
-    const int ray = place_in(u, BRICK_Z) * BRICK_X + place_in(v, BRICK_X);
-    const int y = max(slot, 0) / BRICK_Y;
-    if (slot > 0 && y < sink->columns.y) {
-        if (sink->cell.x != x || sink->cell.y != y || sink->cell.z != z) {
-            sink->cell = (int4)(x, y, z, 0);
+    /* Unsigned, so that powers of two are shifted. */
+    const uint x = (uint)v / BRICK_X;
+    const uint z = (uint)u / BRICK_Z;
+    const uint at = (uint)max(slot, 0);
+    const uint y = at / BRICK_Y;
+    const uint ray = ((uint)u - z * BRICK_Z) * BRICK_X + ((uint)v - x * BRICK_X);
+    if (slot > 0 && y < (uint)sink->columns.y) {
+        const ulong cell = (ulong)z << 42 | (ulong)y << 21 | x;
+        if (sink->cell != cell) {
+            sink->cell = cell;
             sink->brick = find_brick(sink->tree, x, y, z);
         }
         if (sink->brick != NO_BRICK) {
-            const int voxel = (place_in(u, BRICK_Z) * BRICK_Y + place_in(slot, BRICK_Y)) * BRICK_X
-                            + place_in(v, BRICK_X);
+            const uint voxel = (((uint)u - z * BRICK_Z) * BRICK_Y + (at - y * BRICK_Y)) * BRICK_X
+                            + ((uint)v - x * BRICK_X);
             __global uint *brick = sink->bricks + (ulong)sink->brick * BRICK_WORDS;
-            flip(sink, brick + voxel / 32, 1u << (voxel % 32));
+            atomic_xor(brick + voxel / 32, 1u << (voxel % 32));
             return;
         }
     }
@@ -171,7 +146,7 @@ static inline void cross(Sink *sink, const int u, const int v, const int slot)
     __global uint *face;
     if (slot <= 0) {
         face = sink->entry + column;
-    } else if (y >= sink->columns.y) {
+    } else if (y >= (uint)sink->columns.y) {
         face = sink->beyond + column;
     } else {
         /* The cell of the first sample behind the crossing is untouched: the crossing lies in the
@@ -179,7 +154,7 @@ static inline void cross(Sink *sink, const int u, const int v, const int slot)
         const uint before = y ? find_brick(sink->tree, x, y - 1, z) : NO_BRICK;
         face = before == NO_BRICK ? sink->entry + column : sink->exits + (ulong)before * FACE_WORDS;
     }
-    flip(sink, face + ray / 32, 1u << (ray % 32));
+    atomic_xor(face + ray / 32, 1u << (ray % 32));
 }
 
 #endif

@@ -56,5 +56,4 @@ __kernel void flip_rule(
         for (; at < stop && slot_of(rows[at]) == slot; ++at) winding += rows[at] & 1 ? 1 : -1;
         if (is_inside(winding) != before) cross(&sink, u, v, slot);
     }
-    finish(&sink);
 }

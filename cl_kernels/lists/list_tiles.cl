@@ -50,17 +50,10 @@ typedef struct {
 #endif
 } Sink;
 
-#if SINK == COUNT
+#if SINK == EMIT
 
-static inline void cross(Sink *sink, const int u, const int v, const int slot)
-{
-    const int row = SLOW_OF(u, v) - sink->slow;
-    NEXT(sink->next + row * SIDE + (FAST_OF(u, v) - sink->fast));
-}
-
-#else
-
-static inline void emit(Sink *sink, const int u, const int v, const int depth)
+/* What the rasterisers hand on: a crossing's depth. */
+static inline void cross(Sink *sink, const int u, const int v, const int depth)
 {
     const int row = SLOW_OF(u, v) - sink->slow;
     const uint place = NEXT(sink->next + row * SIDE + (FAST_OF(u, v) - sink->fast));
@@ -71,24 +64,22 @@ static inline void emit(Sink *sink, const int u, const int v, const int depth)
 
 #endif
 
-/* The rasteriser twice: with edge functions of 32 bits, and of 64 where those do not do. */
-#define EDGE_BITS 32
-#define edge_t narrow_t
-#define rasterise rasterise_narrow
-#include "crossings/rasterise.h"
-#undef EDGE_BITS
-#undef edge_t
-#undef rasterise
-#undef ROUNDER
-#define EDGE_BITS 64
-#define edge_t wide_t
-#define rasterise rasterise_wide
-#include "crossings/rasterise.h"
-
 #if SINK == EMIT
+#define EDGE_BITS 64
+#include "crossings/rasterise.h"
 #include "lists/rasterise_quick.h"
+#else
+#define EDGE int
+#define COUNT_COVERED count_narrow
+#include "lists/count_covered.h"
+#undef EDGE
+#undef COUNT_COVERED
+#define EDGE long
+#define COUNT_COVERED count_wide
+#include "lists/count_covered.h"
 #endif
 
+/* Do the triangle's edge functions, in units of a voxel, fit an int, one step beyond its box too? */
 static inline bool is_narrow(const Facet f)
 {
     const int2 low = min(min(f.a.xy, f.b.xy), f.c.xy);
@@ -96,48 +87,6 @@ static inline bool is_narrow(const Facet f)
     const long2 side = convert_long2(high - low);
     return ((side.x * side.y) >> STEP_BITS) + side.x + side.y < (long)INT_MAX - 16;
 }
-
-#if SINK == COUNT && GROUP == 1
-
-/* What the rasteriser does for a narrow triangle, without a branch that is hard to predict. */
-static inline void count_narrow(Sink *sink, const Facet f, const int4 box)
-{
-    const int2 ab = f.b.xy - f.a.xy;
-    const int2 bc = f.c.xy - f.b.xy;
-    const int2 ca = f.a.xy - f.c.xy;
-    const int2 p = box.xy << STEP_BITS;
-    const long wa = (long)bc.x * (p.y - f.b.y) - (long)bc.y * (p.x - f.b.x);
-    const long wb = (long)ca.x * (p.y - f.c.y) - (long)ca.y * (p.x - f.c.x);
-    const long wc = (long)ab.x * (p.y - f.a.y) - (long)ab.y * (p.x - f.a.x);
-    int row_a = (int)(wa >> STEP_BITS);
-    int row_b = (int)(wb >> STEP_BITS);
-    int row_c = (int)(wc >> STEP_BITS);
-    if (!edge_owns(bc)) row_a = (int)((wa - 1) >> STEP_BITS);
-    if (!edge_owns(ca)) row_b = (int)((wb - 1) >> STEP_BITS);
-    if (!edge_owns(ab)) row_c = (int)((wc - 1) >> STEP_BITS);
-    const int fast_a = FAST_OF(-bc.y, bc.x);
-    const int fast_b = FAST_OF(-ca.y, ca.x);
-    const int fast_c = FAST_OF(-ab.y, ab.x);
-    __local uint *row = sink->next + (SLOW_OF(box.x, box.y) - sink->slow) * SIDE
-                      + (FAST_OF(box.x, box.y) - sink->fast);
-    const int count = FAST_OF(box.z - box.x, box.w - box.y) + 1;
-    for (int rows = SLOW_OF(box.z - box.x, box.w - box.y); rows >= 0; --rows, row += SIDE) {
-        int ea = row_a;
-        int eb = row_b;
-        int ec = row_c;
-        for (int ray = 0; ray < count; ++ray) {
-            row[ray] += 1u - ((uint)(ea | eb | ec) >> 31);
-            ea += fast_a;
-            eb += fast_b;
-            ec += fast_c;
-        }
-        row_a += SLOW_OF(-bc.y, bc.x);
-        row_b += SLOW_OF(-ca.y, ca.x);
-        row_c += SLOW_OF(-ab.y, ab.x);
-    }
-}
-
-#endif
 
 /* The rays (first u, first v, last u, last v) of a tile. */
 static inline int4 tile_window(const int4 window, const ulong tile)
@@ -153,25 +102,25 @@ static inline void cast_tile(
     Sink *sink, const int4 rays, const __global int *faces, const __global int *vertices,
     const __global uint *triangles, const ulong first, const ulong last)
 {
+#if SINK == EMIT
+    Found found;
+    found.count = 0;
+#endif
     for (ulong at = first + get_local_id(0); at < last; at += GROUP) {
         const Facet f = load_facet(faces, vertices, triangles[at]);
         const int4 box = ray_box(f, rays);
 #if SINK == EMIT
         sink->side = triangles[at] << 1 | f.flipped;
-#endif
-#if SINK == EMIT
         if (is_narrow(f) && is_quick(f)) {
             rasterise_quick(sink, f, box);
-            continue;
+        } else {
+            rasterise(sink, &found, f, box);
+            drain(&found, sink);
         }
-#elif GROUP == 1
-        if (is_narrow(f)) {
-            count_narrow(sink, f, box);
-            continue;
-        }
+#else
+        if (is_narrow(f)) count_narrow(sink, f, box);
+        else count_wide(sink, f, box);
 #endif
-        if (is_narrow(f)) rasterise_narrow(sink, f, box);
-        else rasterise_wide(sink, f, box);
     }
 }
 

@@ -64,7 +64,7 @@ static inline void rasterise_quick(Sink *sink, const Facet f, const int4 box)
                     left -= area;
                     ++depth;
                 }
-                emit(sink, u, v, (int)(base + depth + (left != 0 ? 1u : tie)));
+                cross(sink, u, v, (int)(base + depth + (left != 0 ? 1u : tie)));
             }
             ea += bc.x;
             eb += ca.x;

@@ -56,7 +56,8 @@ static inline uint count_box(MODEL_PARAMETERS, const int3 low, const int3 high)
                 const ulong kept = (~0UL >> (64 - x1)) & (~0UL << x0);
                 for (int row_z = z0; row_z < z1; ++row_z)
                     for (int row_y = y0; row_y < y1; ++row_y)
-                        count += (uint)popcount(brick_row(brick, BRICK_X, BRICK_Y, row_y, row_z) & kept);
+                        count += (uint)popcount(
+                            brick_row(brick, BRICK_X, BRICK_Y, row_y, row_z) & kept);
             }
 #endif
     return count;

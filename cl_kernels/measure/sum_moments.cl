@@ -17,8 +17,8 @@
 
 /* Adds the voxels of x * y * z: their number; x, y, z; xx, yy, zz; xy, yz, xz.
  *
- * An index is below 2^17, and a row of cells of voxels holds at most 2^17 * 64 * 64 = 2^29 voxels: a sum
- * stays below 2^63. */
+ * An index is below 2^17, and a row of cells of voxels holds at most 2^17 * 64 * 64 = 2^29 voxels:
+ * a sum stays below 2^63. */
 static inline void add(ulong *sums, const Line x, const Line y, const Line z)
 {
     sums[0] += x.count * y.count * z.count;

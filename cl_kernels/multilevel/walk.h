@@ -77,6 +77,29 @@ static inline void walk_brick(
     face[1] = (uint)((after ^ flips) >> 32);
 }
 
+#elif BRICK_X == 4 && BRICK_Y == 4 && BRICK_Z == 4
+
+/* Sixteen bits for each z, four of them for each y: two shifts are the running xor. */
+static inline void walk_brick(
+    __global uint *brick, __global uint *face, const __global uint *exits, const int3 kept)
+{
+    __global ulong *voxels = (__global ulong *)brick;
+    const ulong rays = face[0];
+    const ulong state = (rays & 0xf) | (rays & 0xf0) << 12 | (rays & 0xf00) << 24
+                      | (rays & 0xf000) << 36;
+    ulong bits = *voxels;
+    bits ^= (bits & 0x0fff0fff0fff0fffUL) << 4;
+    bits ^= (bits & 0x00ff00ff00ff00ffUL) << 8;
+    bits ^= state * 0x1111;
+    const ulong last = bits >> 12;
+    face[0] = exits[0] ^ (uint)((last & 0xf) | (last >> 12 & 0xf0) | (last >> 24 & 0xf00)
+                                | (last >> 36 & 0xf000));
+    if (kept.x < 4) bits &= ((1UL << kept.x) - 1) * 0x1111111111111111UL;
+    if (kept.y < 4) bits &= ((1UL << 4 * kept.y) - 1) * 0x0001000100010001UL;
+    if (kept.z < 4) bits &= (1UL << 16 * kept.z) - 1;
+    *voxels = bits;
+}
+
 #else
 
 static inline void walk_brick(

@@ -5,8 +5,9 @@ from clvox.models.dexel_build import dexelize
 from clvox.models.dexels import DexelModel, DexelReport
 from clvox.models.milling import Cut, Cutter
 from clvox.models.opening import open_model as open  # noqa: A004 - as gzip.open, always with its module
+from clvox.models.report import Report
 from clvox.models.triple import TripleDexelModel
-from clvox.models.voxels import BOUNDARY, INSIDE, OUTSIDE, Report, VoxelModel
+from clvox.models.voxels import BOUNDARY, INSIDE, OUTSIDE, VoxelModel
 
 __all__ = [
     "BOUNDARY",

@@ -17,7 +17,8 @@ from clvox.errors import GridError
 from clvox.grid import Axis, Grid, Lattice, Shape
 from clvox.mesh import MeshLike, Surface, check
 from clvox.models.levels import Levels, fill_box, resolve_levels
-from clvox.models.voxels import Report, VoxelModel
+from clvox.models.report import Report
+from clvox.models.voxels import VoxelModel
 from clvox.ops import boundary, crossings, dense
 from clvox.ops import fill as fills
 from clvox.ops.facets import Facets, Progress, upload_facets

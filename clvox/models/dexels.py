@@ -20,7 +20,8 @@ from clvox.models.dexel_sources import Source, Sources
 from clvox.models.dexel_surface import move_vertices
 from clvox.models.levels import Levels, resolve_levels
 from clvox.models.milling import Cut, Cutter, Work, moves_of
-from clvox.models.voxels import Report, VoxelModel
+from clvox.models.report import Report
+from clvox.models.voxels import VoxelModel
 from clvox.ops import combine, dexel_measure, dexel_voxels, dexels
 from clvox.ops.combine import Operation
 from clvox.ops.crossings import fraction_bits

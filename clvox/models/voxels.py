@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Literal, TypeAlias
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import trimesh
@@ -18,8 +18,10 @@ from clvox.errors import GridError, MeshError
 from clvox.grid import Grid, Lattice, Shape
 from clvox.mesh import Surface
 from clvox.models import archive
+from clvox.models.expand import RuleName, check_bounds, expand_layers, find_rule
 from clvox.models.levels import Levels, resolve_levels
 from clvox.models.moments import center_of_mass, inertia
+from clvox.models.report import Report
 from clvox.models.snapping import swept_volume
 from clvox.ops import combine, measure, pack, query
 from clvox.ops.boundary import mark_cells, mark_voxels
@@ -33,52 +35,6 @@ if TYPE_CHECKING:
 
 OUTSIDE, INSIDE, BOUNDARY = 0, 1, 2
 """What `VoxelModel.classify` and coarse levels say."""
-
-RuleName: TypeAlias = Literal["centre", "touch", "within"]
-_RULES = {"centre": Rule.CENTRE, "touch": Rule.TOUCH, "within": Rule.WITHIN}
-
-SLAB_BYTES = 1 << 26
-"""About how much of an expanded model is on the device at once."""
-
-
-@dataclass(frozen=True)
-class Report:
-    """How a model was built.
-
-    Attributes
-    ----------
-    device : str
-    fill : str
-        The rule that says what is inside, see `voxelize`; "" for a model made of others.
-    seconds : dict
-        Seconds per stage: snap, upload, mark, rank, clear, flip, carry.
-    triangles : int
-        Triangles cast; `repeated` were dropped since a vertex number repeats, of `duplicates`
-        one each was kept, and `cancelled` lay back to back.
-    collapsed : int
-        Triangles without area on the lattice; they are kept, since they hold surfaces shut.
-    odd_rays : int
-        Rays that cross the mesh an odd number of times: 0 on a closed mesh.
-    lattice_bits : int
-        Steps of the lattice in a voxel, as a power of two.
-    peak_nbytes : int
-        Most bytes of device memory in use while it was built.
-    warnings : tuple of str
-        What a user should know about the mesh.
-    """
-
-    device: str
-    fill: str = ""
-    seconds: dict[str, float] = field(default_factory=dict)
-    triangles: int = 0
-    repeated: int = 0
-    duplicates: int = 0
-    cancelled: int = 0
-    collapsed: int = 0
-    odd_rays: int = 0
-    lattice_bits: int = 0
-    peak_nbytes: int = 0
-    warnings: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -376,7 +332,7 @@ class VoxelModel:
         MeshError
             *rule* asks for touched voxels, and the model does not come from a mesh.
         """
-        start, stop = self._box(bounds)
+        start, stop = check_bounds(bounds, self.grid.shape)
         finest = len(self.levels) - 1
         if level is None:
             level = finest
@@ -391,7 +347,7 @@ class VoxelModel:
         array = np.empty(
             [last - first for first, last in zip(start, stop, strict=True)][::-1], bool
         )
-        for _ in self._slabs(_rule(rule), start, stop, into=array):
+        for _ in self._layers(rule, start, stop, into=array):
             pass
         return array
 
@@ -403,7 +359,7 @@ class VoxelModel:
         (n, 3) int32
         """
         found = []
-        for first, slab in self._slabs(_rule(rule)):
+        for first, slab in self._layers(rule, (0, 0, 0), self.grid.shape):
             k, j, i = np.nonzero(slab)
             found.append(np.stack([i, j, k + first], axis=1).astype(np.int32))
         return np.concatenate(found)
@@ -482,6 +438,17 @@ class VoxelModel:
                 mark_voxels(self._session, facets, lattice.bits, shape, cells, marks)
         return marks
 
+    def _layers(
+        self,
+        name: RuleName,
+        start: Shape,
+        stop: Shape,
+        into: NDArray[np.bool_] | None = None,
+    ) -> Iterator[tuple[int, NDArray[np.bool_]]]:
+        rule = find_rule(name)
+        edge = None if rule == Rule.CENTRE else self._edge
+        return expand_layers(self._session, self._arrays, start, stop, rule, edge, into)
+
     def _combined(self, other: VoxelModel, operation: Operation) -> VoxelModel:
         if self.grid != other.grid:
             raise GridError(
@@ -513,44 +480,6 @@ class VoxelModel:
         _, arrays = archive.unpack(session, self.to_record())
         return VoxelModel(session, self.grid, arrays, self.report, self._surfaces)
 
-    def _slabs(
-        self,
-        rule: Rule,
-        start: Shape = (0, 0, 0),
-        stop: Shape | None = None,
-        into: NDArray[np.bool_] | None = None,
-    ) -> Iterator[tuple[int, NDArray[np.bool_]]]:
-        """Voxels from *start* to before *stop*, by layers along z: first k, and [z, y, x].
-
-        The layers are parts of *into*, if it is given.
-        """
-        (x0, y0, z0), (x1, y1, z1) = start, stop or self.grid.shape
-        edge = None if rule == Rule.CENTRE else self._edge
-        thick = max(1, SLAB_BYTES // max(1, (x1 - x0) * (y1 - y0)))
-        for k in range(z0, max(z1, z0 + 1), thick):
-            above = min(k + thick, z1)
-            slab = None if into is None else into[k - z0 : above - z0].view(np.uint8)
-            box = (x0, y0, k), (x1, y1, above)
-            yield (
-                k,
-                query.expand(self._session, self._arrays, *box, rule, edge, slab).view(np.bool_),
-            )
-
-    def _box(self, bounds: ArrayLike | None) -> tuple[Shape, Shape]:
-        if bounds is None:
-            return (0, 0, 0), self.grid.shape
-        try:
-            box = np.array(bounds)
-        except ValueError:
-            box = np.array(None)
-        if box.shape != (2, 3) or box.dtype.kind not in "iu":
-            raise GridError(f"bounds must be two triples of integers, got {bounds!r}")
-        if (box < 0).any() or (box > self.grid.shape).any() or (box[0] > box[1]).any():
-            raise GridError(
-                f"bounds must lie within (0, 0, 0) and {self.grid.shape}, got {box.tolist()}"
-            )
-        return _triple(box[0]), _triple(box[1])
-
 
 def restore(
     record: dict[str, NDArray[Any]],
@@ -567,12 +496,6 @@ def restore(
 
 def _is_model(other: object) -> bool:
     return isinstance(other, VoxelModel)
-
-
-def _rule(name: str) -> Rule:
-    if name not in _RULES:
-        raise GridError(f"rule must be one of {', '.join(map(repr, _RULES))}, got {name!r}")
-    return _RULES[name]
 
 
 def _triple(values: NDArray[Any]) -> Shape:

@@ -52,6 +52,11 @@ def test_kernel_is_free_of_double(name: str) -> None:
     assert faults(SOURCES[name]) == []
 
 
+@pytest.mark.parametrize("name", SOURCES)
+def test_kernel_lines_are_as_short_as_those_of_python(name: str) -> None:
+    assert max(map(len, SOURCES[name].splitlines())) <= 100
+
+
 @pytest.mark.parametrize("name", [name for name in SOURCES if name.endswith(".cl")])
 def test_kernel_says_where_its_relatives_are(name: str) -> None:
     """Host, twin and tests are named in its header, and are there; NumPy may be the twin."""
