@@ -81,7 +81,10 @@ def test_moments_of_the_longest_rays_do_not_overflow(session: Session) -> None:
     frame = Frame((2000, 1, (1 << 17) - 1), 2, 14)
     low, high = twin.box_of(frame.shape[2], 14)
     rows: list[twin.Row] = [[] for _ in range(2000)]
-    rows[-1] = rows[1500] = [twin.End(low, 0, 1), twin.End(high, 0, -1)]
+    rows[-1] = [twin.End(low, 0, 1), twin.End(high, 0, -1)]
+    for ray in range(1500, 1530):
+        # Odd ends, so that all words of the sums carry.
+        rows[ray] = [twin.End(low + ray, 0, 1), twin.End(high - 1 - 7919 * ray, 0, -1)]
     pieces = upload(session, rows, 7)
     sums = dexel_measure.sum_moments(session, frame, pieces)
     assert from_sums(sums, frame) == twin.moments(rows, frame.across, 14)

@@ -106,6 +106,27 @@ def test_what_an_open_mesh_leaves_is_still_made_of_pieces(session: Session, rule
             assert [end.sign for end in row] == [1, -1] * (len(row) // 2)
 
 
+@pytest.mark.parametrize("rule", RULES)
+def test_crossings_at_the_faces_of_the_box_keep_their_triangles(
+    session: Session, rule: FillRule
+) -> None:
+    """Also those that were rounded up to beyond it; what lies farther out is cut off."""
+    shape: Shape = (40, 5, 4)
+    frame = frame_of("z", 8, shape)
+    low, high = twin.box_of(4, frame.fraction_bits)
+    rng = np.random.default_rng(6)
+    near = [low - 5, low - 1, low, low + 1, high - 1, high, high + 1, high + 2, high + 9]
+    rows: list[twin.Row] = []
+    for _ in range(200):
+        depths = np.sort(rng.choice(near, rng.integers(0, 7)))
+        ends = enumerate(depths.tolist())
+        rows.append(sorted(twin.End(d, int(rng.integers(9)), 1 - 2 * (n % 2)) for n, d in ends))
+    lists = upload(session, rows, 8)
+    found = dexels.resolve(session, frame, lists, RULES[rule])
+    assert_same(found, [twin.resolve(row, rule, (low, high)) for row in rows])
+    assert (read(found).triangle == twin.CAP).any()
+
+
 @st.composite
 def pieces(draw: st.DrawFn, rays: int, box: tuple[int, int]) -> list[twin.Row]:
     """Rows of a few pieces, with depths that two of them are likely to share."""

@@ -16,7 +16,7 @@ from clvox.ops.facets import Facets, upload_facets
 from clvox.ops.lists import CrossingLists, list_crossings, sort_crossings, sort_rows
 from clvox.reference import lists as twin
 from clvox.reference.crossings import AXES, crossings
-from tests.kernels.cases import INTERPRETED, meshes_for
+from tests.kernels.cases import INTERPRETED, meshes_for, some
 from tests.strategies import BOX, FAMILIES, Mesh, adversarial_meshes, closed_meshes, join
 
 if TYPE_CHECKING:
@@ -122,6 +122,24 @@ def test_tiles_end_where_the_grid_does(session: Session, axis: Axis, shape: Shap
     for mesh in adversarial_meshes(9, 2 if INTERPRETED else 6, 8, shape, ["ball", "crumpled"]):
         found = list_crossings(session, upload(session, mesh), 8, shape, AXES[axis])
         assert_same(found, twin.list_crossings(*mesh, 8, shape, axis, fraction_bits(8)))
+
+
+@every_axis
+def test_flat_and_steep_triangles_of_every_size_are_listed(session: Session, axis: Axis) -> None:
+    """At the limits up to which edge functions fit 32 bits, and depths one division."""
+    w = AXES[axis]
+    rng = np.random.default_rng(w)
+    for _ in range(some(40)):
+        # Around all rays, of any area, and up to all of the lattice in depth.
+        radius, turn = np.exp2(rng.uniform(12, 22)), rng.uniform(0, 2 * np.pi)
+        angle = turn + np.arange(3) * (2 * np.pi / 3)
+        depth = rng.uniform(-(2**23), 2**23, 3)
+        places = [radius * np.cos(angle), radius * np.sin(angle), depth]
+        spots = np.empty((3, 3), np.int64)
+        spots[:, [(w + 1) % 3, (w + 2) % 3, w]] = np.rint(places).T
+        mesh = spots, np.array([[0, 1, 2]], np.int32)
+        found = list_crossings(session, upload(session, mesh), 7, SHAPE, w)
+        assert_same(found, twin.list_crossings(*mesh, 7, SHAPE, axis, 14))
 
 
 def test_windows_have_the_crossings_of_their_rays(session: Session) -> None:
