@@ -130,6 +130,32 @@ def levels(plan: Plan) -> Iterator[Result]:
         yield from _compare(plan, label, ways)
 
 
+def update(plan: Plan) -> Iterator[Result]:
+    """A mesh edited in 1 % of its triangles, in one place or all over, from host to device.
+
+    The edited mesh is checked already, for the update and for the model made anew alike; the
+    processor's seconds say more than the clock where others use the machine.
+    """
+    resolution = plan.pick(1024, 32)
+    grid = clvox.Grid.fit(plan.ball, resolution=resolution)
+    model = _voxelize(plan, plan.ball, grid)
+    for where, edited, changed in _edits(plan.ball):
+        anew = partial(
+            clvox.voxelize,
+            edited,
+            grid=grid,
+            lattice_bits=model.report.lattice_bits,
+            device=plan.session.device,
+        )
+        updated = partial(model.updated, edited, changed=changed)
+        if updated() != anew():
+            raise RuntimeError("an update is not the edited mesh voxelized anew")
+        share = len(changed) / len(edited.faces)
+        label = f"update {resolution}, {share:.1%} of {len(edited.faces):,} triangles {where}"
+        ways = [Contestant("voxelize", anew, _stages), Contestant("updated", updated, _stages)]
+        yield from _compare(plan, label, ways)
+
+
 def mesh(plan: Plan) -> Iterator[Result]:
     """Voxels to a mesh: from the model, and by scikit-image from its dense array.
 
@@ -188,7 +214,7 @@ def streaming(plan: Plan) -> Iterator[Result]:
 
 
 CASES: dict[str, Case] = {
-    case.__name__: case for case in (solid, levels, mesh, dexels, scan, contains, streaming)
+    case.__name__: case for case in (solid, levels, update, mesh, dexels, scan, contains, streaming)
 }
 """All cases, by name."""
 
@@ -204,6 +230,22 @@ def _voxelize(
 ) -> clvox.VoxelModel:
     """Voxelize what is checked already: `voxelize` checks nothing twice."""
     return clvox.voxelize(surface, grid=grid, levels=levels, device=plan.session.device)
+
+
+def _edits(surface: Surface) -> Iterator[tuple[str, Surface, NDArray[np.intp]]]:
+    """The mesh with a dent of about 1 % of its triangles, and with dents in as many, spread."""
+    positions = np.array(surface.vertices)
+    # About six triangles have a vertex in common, so of single vertices a sixth is enough.
+    spread = np.zeros(len(positions), bool)
+    spread[::300] = True
+    heights = positions[:, 2]
+    for where, moved in (
+        ("in one place", heights > np.quantile(heights, 0.99)),
+        ("all over", spread),
+    ):
+        dented = np.where(moved[:, None], 0.98 * positions, positions)
+        changed = np.flatnonzero(moved[surface.faces].any(axis=1))
+        yield where, check((dented, np.array(surface.faces))), changed
 
 
 def _stages(model: clvox.VoxelModel) -> Mapping[str, float]:

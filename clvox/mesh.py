@@ -96,8 +96,8 @@ class Surface:
         """
         if not self.closed:
             raise NotClosedError(
-                f"{_open(self)}. A solid needs a closed surface; "
-                "trimesh.repair.fill_holes may close it."
+                f'{_open(self)}. A solid needs a closed surface; fill="winding" or fill="vote" '
+                "guesses one, trimesh.repair.fill_holes may close it."
             )
 
     def require_oriented(self) -> None:
@@ -116,6 +116,32 @@ class Surface:
                 f"{_mixed(self)}. Winding numbers need each edge used equally often both ways; "
                 'fill="parity" does not, trimesh.repair.fix_normals may orient it.'
             )
+
+    def require_oriented_but_for_holes(self) -> None:
+        """Do nothing for a surface whose triangles agree wherever they meet.
+
+        Each edge that an even number of triangles share is then used equally often both ways; the
+        others are the edges of holes.
+
+        Raises
+        ------
+        NotOrientedError
+            With the number of edges used more often one way than the other, and one of them.
+        """
+        # An odd edge cannot be even, so there is another one if there are more.
+        if len(self.uneven_edges) == len(self.odd_edges):
+            return
+        count = np.int64(len(self.vertices))
+        uneven, odd = (
+            edges[:, 0] * count + edges[:, 1] for edges in (self.uneven_edges, self.odd_edges)
+        )
+        shared = self.uneven_edges[~np.isin(uneven, odd)]
+        raise NotOrientedError(
+            f"the triangles face different ways: {len(shared)} edges that several of them share "
+            f"are used more often one way than the other, {_first(self, shared)}. Winding numbers "
+            'need triangles that agree wherever they meet; fill="vote" does not, '
+            "trimesh.repair.fix_normals may orient them."
+        )
 
 
 def load(path: str | os.PathLike[str]) -> trimesh.Trimesh:

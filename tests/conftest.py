@@ -54,7 +54,7 @@ class ExactAllocator:
     Oclgrind takes what is written to an address that was in use before for uninitialised.
     """
 
-    active_bytes = active_blocks = held_blocks = 0
+    active_bytes = managed_bytes = active_blocks = held_blocks = 0
 
     def __init__(self, queue: Any) -> None:
         from pyopencl.tools import ImmediateAllocator
@@ -69,6 +69,14 @@ class ExactAllocator:
 
     def free_held(self) -> None:
         """Nothing is held."""
+
+    def bin_number(self, size: int) -> int:
+        """Sizes are not rounded."""
+        return size
+
+    def alloc_size(self, number: int) -> int:
+        """Return the size itself."""
+        return number
 
 
 @pytest.fixture(scope="session")

@@ -15,7 +15,7 @@
  *                        1: VOXELS, in the bricks of a model
  *             RUN        triangles in a row that one work-item does directly
  *             DIRECT     most columns of a triangle that is done directly
- *             TILE       side of a tile, in columns
+ *             TILE       most rows of a tile (common/tiles.h)
  *             LEVELS, BRICK_*, MIDDLE_*  of the model, for the sink VOXELS (common/bricks.h)
  * Source:     separating axes in projections after M. Schwarz, H.-P. Seidel, "Fast parallel
  *             surface and solid voxelization on GPUs", ACM TOG 29(6), 2010, in integers.
@@ -95,12 +95,27 @@ static inline void mark(Sink *sink, const int3 cell)
 
 #endif
 
+/* The columns of a row, from the first on, that meet the triangle's shadow. */
+static inline Span columns_in_row(const Solid *s, const int u, const int first, const int last)
+{
+    Span span = {0, last - first};
+    const int v = first * s->cell.y - HALF_STEP;
+    for (int i = 0; i < 3; ++i) {
+        const Side side = s->uv[i];
+        const long step = (long)side.along_q * s->cell.y;
+        narrow(&span, side_of(side, u, v), step, inverse_of(step));
+    }
+    return span;
+}
+
 /* All cells in a box of columns that the triangle touches. */
 static void mark_columns(Sink *sink, const Solid *s, const int4 box)
 {
+    const bool wide = box.w - box.y >= WIDE;
     for (int i = box.x; i <= box.z; ++i) {
         const int u = i * s->cell.x - HALF_STEP;
-        for (int j = box.y; j <= box.w; ++j) {
+        const Span span = wide ? columns_in_row(s, u, box.y, box.w) : (Span){0, box.w - box.y};
+        for (int j = box.y + span.first; j <= box.y + span.last; ++j) {
             const int v = j * s->cell.y - HALF_STEP;
             if (!column_meets(s, u, v)) continue;
             const int2 depths = depths_in_column(s, u, v);
@@ -190,6 +205,11 @@ __kernel void mark_direct(
     finish(&sink);
 }
 
+static inline int rows_of(const Solid *s, const int4 box)
+{
+    return rows_in_tile(box, (long)abs(s->nw), s->extent, s->cell.y);
+}
+
 /* One work-item counts the tiles of one listed triangle.
  * tiles: (entries,) uint32. */
 __kernel void count_tiles(
@@ -200,8 +220,8 @@ __kernel void count_tiles(
     const uint id = get_global_id(0);
     if (id >= entries) return;
     Solid s;
-    const int2 sides = tiles_of(make_solid(&s, faces, vertices, list[id], grid.xyz));
-    tiles[id] = (uint)sides.x * (uint)sides.y;
+    const int4 box = make_solid(&s, faces, vertices, list[id], grid.xyz);
+    tiles[id] = tiles_of(box, rows_of(&s, box));
 }
 
 /* One work-item does one tile of columns of one listed triangle.
@@ -217,6 +237,6 @@ __kernel void mark_tiles(
     Solid s;
     const int4 box = make_solid(&s, faces, vertices, list[item], grid.xyz);
     Sink sink = MAKE_SINK(grid);
-    mark_columns(&sink, &s, tile_box(box, (uint)(pair - offsets[item])));
+    mark_columns(&sink, &s, tile_box(box, rows_of(&s, box), (uint)(pair - offsets[item])));
     finish(&sink);
 }

@@ -19,6 +19,7 @@
 #define CLVOX_OVERLAP_H
 
 #include "common/exact_sign.h"
+#include "common/spans.h"
 
 #define HALF_STEP (1 << (STEP_BITS - 1))
 #define CELL_SIDES ((int3)(CELL_X, CELL_Y, CELL_Z) << STEP_BITS)
@@ -39,6 +40,7 @@ typedef struct {
     int3 cell;           /* a cell's sides along u, v, w, in steps */
     int3 a;              /* a corner of the triangle */
     int3 first, last;    /* the cells that its box touches, clipped to the grid */
+    int extent;          /* of the triangle along u */
     long nu, nv, nw;     /* its normal, not a unit vector */
     float slope_u, slope_v;
     Side uv[3], vw[3], wu[3];
@@ -106,9 +108,14 @@ static inline Side make_side(
     return side;
 }
 
+static inline long side_of(const Side side, const int p, const int q)
+{
+    return side.offset + (long)side.along_q * q - (long)side.along_p * p;
+}
+
 static inline bool meets(const Side side, const int p, const int q)
 {
-    return side.offset + (long)side.along_q * q - (long)side.along_p * p >= 0;
+    return side_of(side, p, q) >= 0;
 }
 
 static inline long cross2(const int2 a, const int2 b, const int2 c)
@@ -149,6 +156,7 @@ static inline int4 make_solid(
     s->cell = permute(CELL_SIDES, s->axis);
     s->first = permute(max(first_cell_of(low), (int3)(0)), s->axis);
     s->last = permute(min(last_cell_of(high), cells - 1), s->axis);
+    s->extent = permute(high - low, s->axis).x;
     a = permute(a, s->axis);
     b = permute(b, s->axis);
     c = permute(c, s->axis);

@@ -1,36 +1,44 @@
 /*
- * common/tiles.h: a large box of rays, or of columns of cells, is cut into tiles.
+ * common/tiles.h: a triangle of many rays, or columns of cells, is cut into tiles.
  *
  * Triangles of few candidates are done where they are met; the others are put on a list, their
- * tiles counted and the counts scanned, and each (triangle, tile) pair is one work-item.
+ * tiles counted and the counts scanned, and each (triangle, tile) pair is one work-item.  A tile is
+ * some rows of the triangle's box, as many as hold about TILE * TILE candidates, but not more than
+ * TILE; in a row, only where the triangle is: so slivers across a large box cost what they touch.
  *
  * Defines:    DIRECT  most candidates of a triangle that is done directly
- *             TILE    side of a tile
+ *             TILE    most rows of a tile; its square is about how many candidates a tile has
  */
 #ifndef CLVOX_TILES_H
 #define CLVOX_TILES_H
 
 #include "common/entries.h"
 
-/* Tiles along u and v of a box (first u, first v, last u, last v) that is not empty. */
-static inline int2 tiles_of(const int4 box)
-{
-    return (box.zw - box.xy) / TILE + 1;
-}
-
 static inline bool is_small(const int4 box)
 {
     return (long)(box.z - box.x + 1) * (box.w - box.y + 1) <= DIRECT;
 }
 
-/* The part of the box in its tile number `tile`. */
-static inline int4 tile_box(const int4 box, const uint tile)
+/* Rows in each tile of a triangle but the last; `box` is not empty.
+ * area: twice that of the triangle's shadow; extent: of the shadow across the rows; side: from
+ * place to place along a row; all in steps. */
+static inline int rows_in_tile(const int4 box, const long area, const int extent, const int side)
 {
-    const int tiles_v = tiles_of(box).y;
-    const int row = (int)tile / tiles_v;
-    const int2 first = box.xy + (int2)(row, (int)tile - row * tiles_v) * TILE;
-    const int2 last = min(first + TILE - 1, box.zw);
-    return (int4)(first.x, first.y, last.x, last.y);
+    const long in_row = area / (2L * side * max(extent, 1)) + 1;
+    const int candidates = (int)min(in_row, (long)(box.w - box.y + 1));
+    return clamp(TILE * TILE / candidates, 1, TILE);
+}
+
+static inline uint tiles_of(const int4 box, const int rows)
+{
+    return (uint)((box.z - box.x) / rows + 1);
+}
+
+/* The part of the box in its tile number `tile`. */
+static inline int4 tile_box(const int4 box, const int rows, const uint tile)
+{
+    const int first = box.x + (int)tile * rows;
+    return (int4)(first, box.y, min(first + rows - 1, box.z), box.w);
 }
 
 #endif

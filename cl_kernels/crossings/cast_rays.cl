@@ -14,7 +14,7 @@
  *             EDGE_BITS  32 for cast_direct, 64 for cast_tiles (crossings/rasterise.h)
  *             RUN        triangles in a row that one work-item does directly
  *             DIRECT     most candidate rays of a triangle that is done directly
- *             TILE       side of a tile, in rays
+ *             TILE       most rows of a tile (common/tiles.h)
  *             LEVELS, BRICK_*, MIDDLE_*  of the model, for the sink BRICKS (common/bricks.h)
  *             FRACTION_BITS  of the depths, for the sink EMIT
  * Source:     after M. Schwarz, H.-P. Seidel, "Fast parallel surface and solid voxelization on
@@ -31,6 +31,20 @@
 #if EDGE_BITS == 32 && DIRECT > 1 << 14
 #error "DIRECT is at most 2^14, so that edge functions fit 32 bits"
 #endif
+
+/* So few candidate rays are tried even if the triangle is a sliver; tests of a sink of their own
+ * have all tried. */
+#ifndef FEW
+#define FEW 32
+#endif
+
+/* Does a triangle meet an eighth of its candidate rays, or has few?  Those of slivers are rather
+ * solved for than tried. */
+static inline bool fills(const Facet f, const int4 box)
+{
+    const long candidates = (long)(box.z - box.x + 1) * (box.w - box.y + 1);
+    return candidates <= FEW || f.area >> (2 * STEP_BITS - 2) >= candidates;
+}
 
 /* One work-item does RUN triangles in a row, from `first` on: those of few candidate rays; the
  * others it puts on the list.
@@ -51,7 +65,8 @@ __kernel void cast_direct(
         const Facet f = load_facet(faces, vertices, triangle);
         const int4 box = ray_box(f, window);
         if (f.area == 0 || box_is_empty(box)) continue;
-        if (is_small(ray_box(f, ALL_RAYS))) {
+        const int4 whole = ray_box(f, ALL_RAYS);
+        if (is_small(whole) && fills(f, whole)) {
             begin(&sink, triangle, f.flipped);
             rasterise(&sink, &found, f, box);
         } else {
@@ -59,6 +74,13 @@ __kernel void cast_direct(
         }
     }
     drain(&found, &sink);
+}
+
+static inline int rows_of(const Facet f, const int4 box)
+{
+    const int low = min(min(f.a.x, f.b.x), f.c.x);
+    const int high = max(max(f.a.x, f.b.x), f.c.x);
+    return rows_in_tile(box, f.area, high - low, STEP);
 }
 
 /* One work-item counts the tiles of one listed triangle.
@@ -70,8 +92,9 @@ __kernel void count_tiles(
 {
     const uint id = get_global_id(0);
     if (id >= entries) return;
-    const int2 sides = tiles_of(ray_box(load_facet(faces, vertices, list[id]), window));
-    tiles[id] = (uint)sides.x * (uint)sides.y;
+    const Facet f = load_facet(faces, vertices, list[id]);
+    const int4 box = ray_box(f, window);
+    tiles[id] = tiles_of(box, rows_of(f, box));
 }
 
 /* One work-item does one tile of one listed triangle.
@@ -85,7 +108,8 @@ __kernel void cast_tiles(
     if (pair >= last) return;
     const uint item = entry_of(offsets, entries, pair);
     const Facet f = load_facet(faces, vertices, list[item]);
-    const int4 box = tile_box(ray_box(f, window), (uint)(pair - offsets[item]));
+    const int4 whole = ray_box(f, window);
+    const int4 box = tile_box(whole, rows_of(f, whole), (uint)(pair - offsets[item]));
     Sink sink = MAKE_SINK(window);
     Found found;
     found.count = 0;

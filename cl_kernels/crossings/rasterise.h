@@ -24,6 +24,8 @@
  *
  * Defines:    EDGE_BITS  32 or 64
  */
+#include "common/spans.h"
+
 #if EDGE_BITS == 32
 typedef int edge_t;
 #else
@@ -65,15 +67,6 @@ static inline void rasterise(Sink *sink, Found *found, const Facet f, const int4
     edge_t row_b = (edge_t)(wb >> STEP_BITS);
     edge_t row_c = (edge_t)(wc >> STEP_BITS);
 
-#if EDGE_BITS == 64
-    /* A tile, a part of the triangle's box only, may lie beside it altogether. */
-    const edge_t du = box.z - box.x;
-    const edge_t dv = box.w - box.y;
-    if (row_a + max(bc.x, 0) * dv + max(-bc.y, 0) * du < 0) return;
-    if (row_b + max(ca.x, 0) * dv + max(-ca.y, 0) * du < 0) return;
-    if (row_c + max(ab.x, 0) * dv + max(-ab.y, 0) * du < 0) return;
-#endif
-
     const long rest_a = (wa & (STEP - 1)) + ta;
     const long rest_b = (wb & (STEP - 1)) + tb;
     const int d0 = f.a.z - f.c.z;
@@ -94,11 +87,27 @@ static inline void rasterise(Sink *sink, Found *found, const Facet f, const int4
     const float digit_scale = scale * (float)(1 << FRACTION_BITS);
 #endif
 
+    const int width = box.w - box.y;
+#if EDGE_BITS == 64
+    const bool wide = width >= WIDE;
+    const float inverse_a = inverse_of(bc.x);
+    const float inverse_b = inverse_of(ca.x);
+    const float inverse_c = inverse_of(ab.x);
+#endif
     for (int u = box.x; u <= box.z; ++u) {
-        edge_t ea = row_a;
-        edge_t eb = row_b;
-        edge_t ec = row_c;
-        for (int v = box.y; v <= box.w; ++v) {
+        Span span = {0, width};
+#if EDGE_BITS == 64
+        if (wide) {
+            narrow(&span, row_a, bc.x, inverse_a);
+            narrow(&span, row_b, ca.x, inverse_b);
+            narrow(&span, row_c, ab.x, inverse_c);
+        }
+#endif
+        edge_t ea = row_a + (edge_t)span.first * bc.x;
+        edge_t eb = row_b + (edge_t)span.first * ca.x;
+        edge_t ec = row_c + (edge_t)span.first * ab.x;
+        const int last = box.y + span.last;
+        for (int v = box.y + span.first; v <= last; ++v) {
             const bool covered = (ea | eb | ec) >= 0;
             const float estimate = (float)ea * slope_a + (float)eb * slope_b + base;
             /* Rounded to the nearest integer by its place in the significand: exact for

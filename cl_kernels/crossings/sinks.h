@@ -103,15 +103,18 @@ static inline void cross(Sink *sink, const int u, const int v, const int slot)
  * columns: cells of voxels along each axis.  The tree above the bricks: common/bricks.h.
  * entry, beyond: a face per column of cells along y, (z, x), for crossings before the first sample
  * and past the last.  exits: a face per brick, for crossings in the last half voxel of its cell
- * when no brick follows. */
+ * when no brick follows.  All three are of a slab, whose cells begin at z = first_layer and whose
+ * bricks begin with first_brick; no ray is in another. */
 #define SINK_PARAMETERS \
-    const int4 columns, TREE_PARAMETERS, \
+    const int4 columns, TREE_PARAMETERS, const int first_layer, const uint first_brick, \
     __global uint *bricks, __global uint *exits, __global uint *entry, __global uint *beyond
 #define MAKE_SINK(window) \
-    { TREE, columns, bricks, exits, entry, beyond, ULONG_MAX, NO_BRICK }
+    { TREE, columns, first_layer, first_brick, bricks, exits, entry, beyond, ULONG_MAX, NO_BRICK }
 typedef struct {
     Tree tree;
     int4 columns;
+    int first_layer;
+    uint first_brick;
     __global uint *bricks;
     __global uint *exits;
     __global uint *entry;
@@ -142,7 +145,7 @@ static inline void cross(Sink *sink, const int u, const int v, const int slot)
             return;
         }
     }
-    const ulong column = ((ulong)z * sink->columns.x + x) * FACE_WORDS;
+    const ulong column = ((ulong)(z - sink->first_layer) * sink->columns.x + x) * FACE_WORDS;
     __global uint *face;
     if (slot <= 0) {
         face = sink->entry + column;
@@ -152,7 +155,9 @@ static inline void cross(Sink *sink, const int u, const int v, const int slot)
         /* The cell of the first sample behind the crossing is untouched: the crossing lies in the
          * last half voxel of the cell before, which is touched, or before the grid. */
         const uint before = y ? find_brick(sink->tree, x, y - 1, z) : NO_BRICK;
-        face = before == NO_BRICK ? sink->entry + column : sink->exits + (ulong)before * FACE_WORDS;
+        face = before == NO_BRICK
+            ? sink->entry + column
+            : sink->exits + (ulong)(before - sink->first_brick) * FACE_WORDS;
     }
     atomic_xor(face + ray / 32, 1u << (ray % 32));
 }

@@ -138,7 +138,7 @@ __kernel void count_tile(
     __global uint *restrict rows, __global ulong *restrict offsets)
 {
     __local uint next[RAYS];
-    const ulong tile = first + get_group_id(0);
+    const ulong tile = first + get_global_id(0) / GROUP;
     const bool live = tile < last;
     for (int ray = get_local_id(0); ray < RAYS; ray += GROUP) next[ray] = 0;
     barrier(CLK_LOCAL_MEM_FENCE);
@@ -202,7 +202,7 @@ __kernel void write_tile(
 {
     __local uint next[RAYS];
     __local ulong bases[SIDE];
-    const ulong tile = first + get_group_id(0);
+    const ulong tile = first + get_global_id(0) / GROUP;
     const bool live = tile < last;
     const int4 rays = tile_window(window, live ? tile : first);
     Sink sink;

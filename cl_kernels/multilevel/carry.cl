@@ -17,26 +17,30 @@
 
 /* One work-item walks along y the 32 rows of cells that share a word of bits along x.
  * voxels: shape of the fine grid.  The tree above the bricks: common/bricks.h.
- * beyond: a face per column of cells, (z, x): crossings past the last sample.
- * exits: a face per brick: crossings behind the last sample of its cell.
+ * Walked is a slab: so many layers of cells along z from first_layer on, whose bricks begin with
+ * first_brick.
+ * beyond: a face per column of cells of the slab, (z, x): crossings past the last sample.
+ * exits: a face per brick of the slab: crossings behind the last sample of its cell.
  * states: a face per column of cells; on entry the crossings before the first sample, overwritten.
  * bricks: flipped bits on entry, resolved ones on return; padding is cleared.
  * inside: one bit per cell, undefined on entry.
  * doubts: (2,) uint32, added to: cells whose rays disagree, rays that end inside. */
 __kernel void carry(
-    const int4 voxels, TREE_PARAMETERS, const __global uint *restrict beyond,
+    const int4 voxels, TREE_PARAMETERS, const int first_layer, const int layers,
+    const uint first_brick, const __global uint *restrict beyond,
     const __global uint *restrict exits,
     __global uint *restrict states, __global uint *restrict bricks,
     __global uint *restrict inside, __global uint *restrict doubts)
 {
     const int row_words = (int)words_in_row(cells.x);
     const ulong id = get_global_id(0);
-    if (id >= (ulong)row_words * cells.z) return;
+    if (id >= (ulong)row_words * layers) return;
     ulong number = id;
     const int word_x = take_place(&number, row_words);
-    const int z = (int)number;
+    const int z = first_layer + (int)number;
     const int lanes = min(cells.x - 32 * word_x, 32);
-    __global uint *faces = states + ((ulong)z * cells.x + 32 * word_x) * FACE_WORDS;
+    const ulong column = number * cells.x + 32 * word_x;
+    __global uint *faces = states + column * FACE_WORDS;
     uint disagreements = 0;
     /* A lane's state is in its face after a brick (`faced`), else one bit of `uniform`. */
     uint faced = (uint)((1UL << lanes) - 1);
@@ -63,7 +67,7 @@ __kernel void carry(
                         * (int3)(BRICK_X, BRICK_Y, BRICK_Z),
                     (int3)(BRICK_X, BRICK_Y, BRICK_Z));
                 walk_brick(bricks + (ulong)brick * BRICK_WORDS, face,
-                           exits + (ulong)brick * FACE_WORDS, kept);
+                           exits + (ulong)(brick - first_brick) * FACE_WORDS, kept);
             }
         }
         faced = touched;
@@ -72,8 +76,7 @@ __kernel void carry(
     uint odd = 0;
     for (int lane = 0; lane < lanes; ++lane) {
         __global uint *face = faces + lane * FACE_WORDS;
-        const __global uint *ends
-            = beyond + ((ulong)z * cells.x + 32 * word_x + lane) * FACE_WORDS;
+        const __global uint *ends = beyond + (column + lane) * FACE_WORDS;
         if (!(faced >> lane & 1)) fill_face(face, uniform >> lane & 1);
         for (uint w = 0; w < FACE_WORDS; ++w) odd += popcount(face[w] ^ ends[w]);
     }
@@ -90,17 +93,18 @@ __kernel void carry(
  * inside, middle_inside: bits of the coarse cells and of those in bricks, zero on entry.
  * doubts: (2,) uint32, added to: cells whose rays disagree, rays that end inside. */
 __kernel void carry(
-    const int4 voxels, TREE_PARAMETERS, const int4 columns, const __global uint *restrict beyond,
+    const int4 voxels, TREE_PARAMETERS, const int4 columns, const int first_layer,
+    const int layers, const uint first_brick, const __global uint *restrict beyond,
     const __global uint *restrict exits,
     __global uint *restrict states, __global uint *restrict bricks,
     __global uint *restrict inside, __global uint *restrict middle_inside,
     __global uint *restrict doubts)
 {
     const ulong id = get_global_id(0);
-    if (id >= (ulong)columns.x * columns.z) return;
+    if (id >= (ulong)columns.x * layers) return;
     ulong number = id;
     const int x = take_place(&number, columns.x);
-    const int z = (int)number;
+    const int z = first_layer + (int)number;
     const bool first_column = place_in(x, MIDDLE_X) == 0 && place_in(z, MIDDLE_Z) == 0;
     __global uint *face = states + id * FACE_WORDS;
     uint disagreements = 0;
@@ -137,7 +141,8 @@ __kernel void carry(
             if (!faced) fill_face(face, uniform);
             faced = true;
             const int3 sides = (int3)(BRICK_X, BRICK_Y, BRICK_Z);
-            walk_brick(bricks + brick * BRICK_WORDS, face, exits + brick * FACE_WORDS,
+            walk_brick(bricks + brick * BRICK_WORDS, face,
+                       exits + (brick - first_brick) * FACE_WORDS,
                        min(voxels.xyz - (int3)(x, y, z) * sides, sides));
         }
     }

@@ -21,7 +21,7 @@ typedef ulong result_t;
 typedef uint result_t;
 #endif
 
-/* One group sums one chunk.
+/* One group sums one chunk; its number is not get_group_id(), which starts anew in each launch.
  * counts: (n,) uint32.  sums: one uint64 per chunk. */
 __kernel void sum_chunks(
     const ulong n, const __global uint *restrict counts, __global ulong *restrict sums)
@@ -32,7 +32,7 @@ __kernel void sum_chunks(
     for (ulong at = start; at < min(start + RUN, n); ++at) sum += counts[at];
     ulong total;
     group_scan(scratch, sum, &total);
-    if (get_local_id(0) == 0) sums[get_group_id(0)] = total;
+    if (get_local_id(0) == 0) sums[get_global_id(0) / GROUP] = total;
 }
 
 /* One group, all alone, turns the sums into their exclusive prefix sums, in place.
@@ -67,7 +67,7 @@ __kernel void scan_chunks(
     ulong sum = 0;
     for (ulong at = start; at < stop; ++at) sum += counts[at];
     ulong total;
-    ulong before = sums[get_group_id(0)] + group_scan(scratch, sum, &total);
+    ulong before = sums[get_global_id(0) / GROUP] + group_scan(scratch, sum, &total);
     for (ulong at = start; at < stop; ++at) {
         const uint value = counts[at];
         result[at] = (result_t)before;

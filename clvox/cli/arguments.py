@@ -12,6 +12,8 @@ Triple = tuple[int, int, int]
 DEMO_RESOLUTION = 512
 INFO_RESOLUTION = 256
 
+_SCALES = {"K": 10**3, "M": 10**6, "G": 10**9, "T": 10**12}
+
 
 def parse(argv: Sequence[str] | None) -> argparse.Namespace:
     """Return the options; leave with status 2 and a word on the usage if they make no sense."""
@@ -158,9 +160,16 @@ def _voxels() -> argparse.ArgumentParser:
     )
     voxels.add_argument(
         "--fill",
-        choices=("parity", "nonzero", "positive", "surface"),
+        choices=("parity", "nonzero", "positive", "vote", "winding", "surface"),
         default="parity",
-        help="which voxels are inside, where bodies overlap above all; parity if not given",
+        help="which voxels are inside, where bodies overlap or a mesh is open; parity if not given",
+    )
+    voxels.add_argument(
+        "--memory-budget",
+        type=_bytes,
+        metavar="BYTES",
+        help="bytes of the device that may be taken at once: 500000, 200M, 1.5G; by default most "
+        "of what it has free. With less the work is done piece by piece",
     )
     return voxels
 
@@ -193,6 +202,17 @@ def _triple(text: str) -> Triple:
     except ValueError:
         raise argparse.ArgumentTypeError(f"three integers X,Y,Z are expected, got {text}") from None
     return x, y, z
+
+
+def _bytes(text: str) -> int:
+    scale = _SCALES.get(text[-1:].upper(), 1)
+    try:
+        count = float(text if scale == 1 else text[:-1]) * scale
+        return int(count)
+    except (ValueError, OverflowError):
+        raise argparse.ArgumentTypeError(
+            f"bytes such as 500000, 200M or 1.5G are expected, got {text}"
+        ) from None
 
 
 def _size(text: str) -> tuple[int, int]:

@@ -181,6 +181,7 @@ def model_of(file: str, options: argparse.Namespace, console: Console) -> clvox.
                 levels=getattr(options, "levels", None),
                 fill=getattr(options, "fill", "parity"),
                 device=options.device,
+                memory_budget=getattr(options, "memory_budget", None),
                 progress=progress,
             )
     grid, report = model.grid, model.report

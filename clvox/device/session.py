@@ -5,6 +5,9 @@ from __future__ import annotations
 import re
 import threading
 import warnings
+from collections import deque
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -14,6 +17,7 @@ from numpy.typing import DTypeLike, NDArray
 from pyopencl.tools import ImmediateAllocator, MemoryPool
 
 from clvox.device.choice import Device, DeviceLike, choose
+from clvox.device.job import Job, Tick
 from clvox.device.source import read_source
 from clvox.errors import DeviceError, KernelBuildError, OutOfMemoryError
 
@@ -22,6 +26,15 @@ Argument: TypeAlias = "cla.Array | np.generic"
 
 GROUP = 64
 """Work-items per group, unless an operation says otherwise."""
+
+STEPS_PER_LAUNCH = 1 << 26
+"""About how many steps of work-items a launch has at most: less than half a second's work."""
+
+ITEMS_PER_LAUNCH = 1 << 14
+"""So many work-items a launch may have in any case, since fewer would not fill a GPU."""
+
+AHEAD = 2
+"""Launches that are queued at most: whoever interrupts the work waits for no more."""
 
 _OPTIONS = ["-cl-std=CL1.2", "-Werror"]
 _YOUNG_PROCESSOR = (
@@ -34,9 +47,9 @@ _COMPLAINT = re.compile(r"\s*error:|.*:\d+:\d+: ")
 class Session:
     """One device with one in-order queue.
 
-    Work is queued and not waited for; whoever reads a result waits.  Memory comes from a pool, so
-    that a second job of the same size allocates nothing new; `nbytes` and `peak_nbytes` count
-    what is in use.
+    Work is queued a few launches ahead; whoever reads a result waits for it.  Memory comes from a
+    pool, so that a second job of the same size allocates nothing new; `nbytes` and `peak_nbytes`
+    count what is in use.
     """
 
     def __init__(self, device: Device) -> None:
@@ -52,6 +65,8 @@ class Session:
         self._queue = cl.CommandQueue(self._context)
         self._pool = MemoryPool(ImmediateAllocator(self._queue))
         self._kernels: dict[tuple[Any, ...], cl.Kernel] = {}
+        self._queued: deque[cl.Event] = deque()
+        self._local = threading.local()
 
     def __repr__(self) -> str:
         return f"Session({self.device})"
@@ -65,6 +80,38 @@ class Session:
     def blocks(self) -> int:
         """Blocks of device memory allocated, in use or kept for the next job."""
         return int(self._pool.active_blocks + self._pool.held_blocks)
+
+    @property
+    def current_job(self) -> Job | None:
+        """The job of this thread, if it has one."""
+        job: Job | None = getattr(self._local, "job", None)
+        return job
+
+    @contextmanager
+    def job(self, most: int, tick: Tick | None = None) -> Iterator[Job]:
+        """Count what this thread allocates meanwhile, and refuse what takes more than *most* bytes.
+
+        After an exception nothing that was allocated is in use any longer.
+
+        Parameters
+        ----------
+        most : int
+        tick : callable, optional
+            Called between launches; may raise.
+        """
+        outer, job = self.current_job, Job(most, tick)
+        self._local.job = job
+        try:
+            yield job
+        except BaseException:
+            try:
+                self.finish()
+            finally:
+                job.abandon()
+            raise
+        finally:
+            self._local.job = outer
+            job.close()
 
     def reset_peak(self) -> None:
         """Let `peak_nbytes` start again from what is in use now."""
@@ -81,16 +128,23 @@ class Session:
         Raises
         ------
         OutOfMemoryError
-            The device does not allow a buffer of this size, or has no room left.
+            The device does not allow a buffer of this size, or has no room left, or the job of this
+            thread may not take so much.
         """
-        nbytes = int(np.prod(shape, dtype=np.int64)) * np.dtype(dtype).itemsize
+        nbytes = self.size_of(int(np.prod(shape, dtype=np.int64)) * np.dtype(dtype).itemsize)
         if nbytes > self.device.largest_allocation:
             raise OutOfMemoryError(
                 f"an array of {nbytes:,} bytes is needed at once; {self.device} allows "
                 f"{self.device.largest_allocation:,} per buffer. Use a coarser pitch or larger "
                 "bricks."
             )
+        job = self.current_job
         with self._lock:
+            if job is not None:
+                job.refuse(nbytes)
+                held = self._pool.managed_bytes - self._pool.active_bytes
+                if nbytes + held > job.left:
+                    self._pool.free_held()
             try:
                 array = cla.empty(self._queue, shape, dtype, allocator=self._pool)
             except (cl.MemoryError, cl.RuntimeError) as error:
@@ -99,7 +153,13 @@ class Session:
                     "use. Use a coarser pitch, or drop models that are no longer needed."
                 ) from error
             self.peak_nbytes = max(self.peak_nbytes, self.nbytes)
+            if job is not None:
+                job.hold(array, nbytes)
         return array
+
+    def size_of(self, nbytes: int) -> int:
+        """Return how many bytes a buffer of *nbytes* takes: the pool rounds up, by a sixteenth."""
+        return int(self._pool.alloc_size(self._pool.bin_number(nbytes))) if nbytes else 0
 
     def zeros(self, shape: int | tuple[int, ...], dtype: DTypeLike) -> cla.Array:
         """Return an array of whole 32-bit words on the device, cleared by a kernel of our own.
@@ -113,7 +173,7 @@ class Session:
             raise TypeError(f"{array.nbytes} bytes are not whole words")
         if words:
             kernel = self.kernel("buffers/clear.cl", "clear")
-            self.run(kernel, -(-words // 4), np.uint64(words), array)
+            self.run(kernel, -(-words // 4), np.uint64(words), array, steps=4)
         return array
 
     def upload(self, host: NDArray[Any]) -> cla.Array:
@@ -140,22 +200,47 @@ class Session:
             return self._kernels[key]
 
     def run(
-        self, kernel: cl.Kernel, count: int, *arguments: Argument, group: int | None = None
+        self,
+        kernel: cl.Kernel,
+        count: int,
+        *arguments: Argument,
+        group: int | None = None,
+        steps: int = 1,
     ) -> None:
         """Queue *kernel* for *count* work-items, rounded up to whole groups.
 
-        A bare Python number is refused: it has no width.
+        Many of them are cut into launches, none of which takes long; each work-item knows its
+        number all the same.  A bare Python number is refused as an argument: it has no width.
+
+        Parameters
+        ----------
+        group : int, optional
+            Work-items in a group.
+        steps : int
+            About how many words, voxels or crossings one work-item looks at.
         """
         values = [_value(argument) for argument in arguments]
         size = min(group or GROUP, self.device.handle.max_work_group_size)
-        with self._lock:
-            # Arguments are state of the kernel object: set and queued under one lock.
-            kernel.set_args(*values)
-            cl.enqueue_nd_range_kernel(self._queue, kernel, (-(-count // size) * size,), (size,))
+        items, job = -(-count // size) * size, self.current_job
+        most = max(STEPS_PER_LAUNCH // steps, ITEMS_PER_LAUNCH) // size * size
+        for first in range(0, items, most):
+            with self._lock:
+                # Arguments are state of the kernel object: set and queued under one lock.
+                kernel.set_args(*values)
+                event = cl.enqueue_nd_range_kernel(
+                    self._queue, kernel, (min(most, items - first),), (size,), (first,)
+                )
+                self._queued.append(event)
+                oldest = self._queued.popleft() if len(self._queued) > AHEAD else None
+            if oldest is not None:
+                oldest.wait()
+            if job is not None:
+                job.tick()
 
     def finish(self) -> None:
         """Wait until everything queued is done."""
         self._queue.finish()
+        self._queued.clear()
 
     def _build(self, file: str, defines: dict[str, int]) -> cl.Program:
         options = _OPTIONS + [f"-D{name}={value}" for name, value in sorted(defines.items())]

@@ -2,34 +2,25 @@
 
 from __future__ import annotations
 
-import time
-from collections.abc import Iterator
-from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
-from typing import Any, Literal, TypeAlias, get_args
+from typing import Any, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
-from tqdm import tqdm
 
-from clvox.device import DeviceLike, Session, open_session
+from clvox.device import DeviceLike, open_session
 from clvox.errors import GridError
-from clvox.grid import Axis, Grid, Lattice, Shape
+from clvox.grid import Axis, Grid, Lattice
 from clvox.mesh import MeshLike, Surface, check
+from clvox.models.construct import WINDINGS, Fill, construct
 from clvox.models.levels import Levels, fill_box, resolve_levels
-from clvox.models.report import Report
+from clvox.models.memory import find_budget
+from clvox.models.openings import OPEN_FILLS, build_open
+from clvox.models.telling import drawn
 from clvox.models.voxels import VoxelModel
-from clvox.ops import boundary, crossings, dense
-from clvox.ops import fill as fills
-from clvox.ops.facets import Facets, Progress, upload_facets
-from clvox.ops.fill import Winding
-from clvox.ops.layout import Bricks, Cells, VoxelArrays, cell_shape, words_for
-from clvox.ops.multilevel import carry, rank_cells
+from clvox.ops import crossings
+from clvox.ops.facets import Progress, upload_facets
 
-Fill: TypeAlias = Literal["parity", "nonzero", "positive", "surface"]
-"""What is inside: see `voxelize`."""
-
-_WINDINGS = {"nonzero": Winding.NONZERO, "positive": Winding.POSITIVE}
+__all__ = ["Fill", "count_crossings", "voxelize"]
 
 
 def voxelize(
@@ -42,6 +33,7 @@ def voxelize(
     fill: Fill = "parity",
     lattice_bits: int | None = None,
     device: DeviceLike = None,
+    memory_budget: int | None = None,
     progress: bool | Progress | None = None,
 ) -> VoxelModel:
     """Return the voxels whose samples lie inside a mesh.
@@ -54,7 +46,7 @@ def voxelize(
     Parameters
     ----------
     mesh : trimesh.Trimesh, path, or (vertices, faces)
-        Closed: every edge belongs to an even number of triangles; see *fill* for others.
+        Closed: every edge belongs to an even number of triangles; see *fill* for open ones.
     resolution, pitch
         As for `Grid.fit`: voxels along the longest side of the mesh, or width of a voxel.
     grid : Grid
@@ -65,12 +57,17 @@ def voxelize(
         them, 1 to 64 along a side; a third entry divides those once more.  One entry alone, the
         grid's shape, asks for a dense grid of bits.  By default cells of 8 x 8 x 8 voxels, and
         once those would number more than 2**27, cells of 8 x 8 x 8 of such cells.
-    fill : "parity", "nonzero", "positive" or "surface"
+    fill : "parity", "nonzero", "positive", "vote", "winding" or "surface"
         What is inside where bodies overlap or lie within one another.  "parity": what an odd
         number of surfaces encloses.  "nonzero": what any body encloses, so overlapping bodies
         are united and nested ones filled, whichever way they are turned; but bodies turned
         oppositely cancel where they overlap, so that a void stays empty if it is turned inwards.
         "positive": what more bodies enclose whose triangles face outwards than inwards.
+        "vote" and "winding" guess what an open mesh is to enclose.  "vote": what two of the three
+        axes take to be inside, by parity from the low end of each ray; the report tells which
+        rays were doubtful.  "winding": where the generalised winding number, the solid angle of
+        the triangles over a whole sphere's, is above 1/2; triangles that meet must agree in
+        orientation.  It sums floats, so bits within rounding of 1/2 may differ between devices.
         "surface": no inside, but every voxel that a triangle touches, of any mesh, open or not.
         "nonzero" and "positive" need an oriented mesh, each edge used equally often both ways.
     lattice_bits : int, optional
@@ -78,6 +75,10 @@ def voxelize(
         fit.  Models that are to be combined share it.
     device : str, int or Device, optional
         See `devices`; by default the environment's ``CLVOX_DEVICE``, a GPU, or a processor.
+    memory_budget : int, optional
+        Bytes of the device that building may take at once, the model included; models that are
+        there already do not count.  By default, most of what the device has free.  With less the
+        work is done piece by piece, and the voxels are the same.
     progress : bool or callable, optional
         True draws a bar; a function is called with (done, total).  An exception that it raises
         ends the work.
@@ -89,16 +90,20 @@ def voxelize(
     Raises
     ------
     NotClosedError
-        An edge belongs to an odd number of triangles, and *fill* is not "surface".
+        An edge belongs to an odd number of triangles, and *fill* is "parity", "nonzero" or
+        "positive".
     NotOrientedError
-        An edge is used more often one way than the other, and *fill* is "nonzero" or "positive".
+        An edge is used more often one way than the other, and *fill* is "nonzero" or "positive";
+        or such an edge has triangles on both sides, and *fill* is "winding".
     MeshError
         No triangles, a vertex that is not finite, or no extent along some axis.
     GridError
         The grid's numbers make no sense, do not agree with *levels*, or mesh and grid together
-        span more voxels than the lattice can tell apart; or there is no such *fill*.
+        span more voxels than the lattice can tell apart; or there is no such *fill*, or the
+        budget is not a positive whole number.
     DeviceError, OutOfMemoryError
-        There is no such device, or it has no room.
+        There is no such device; or the work does not fit into its memory or *memory_budget*, and
+        the message says what is needed and what would fit.
 
     References
     ----------
@@ -116,10 +121,12 @@ def voxelize(
     if fill not in get_args(Fill):
         raise GridError(f"fill must be one of {', '.join(map(repr, get_args(Fill)))}, got {fill!r}")
     surface = check(mesh)
-    if fill in _WINDINGS:
+    if fill in WINDINGS:
         surface.require_oriented()
     elif fill == "parity":
         surface.require_closed()
+    elif fill == "winding":
+        surface.require_oriented_but_for_holes()
     if grid is None and resolution is None and pitch is None and levels is not None:
         grid = fill_box(surface.bounds, levels)
     elif [grid is None, resolution is None, pitch is None].count(False) != 1:
@@ -132,8 +139,11 @@ def voxelize(
     shapes = resolve_levels(grid.shape, levels)
     lattice = Lattice.fit(grid, surface.bounds, bits=lattice_bits)
     session = open_session(device)
-    with told(2 * len(surface.faces), "voxelize", progress=progress) as tell:
-        return _build(session, surface, lattice, shapes, fill, tell)
+    budget = find_budget(session, memory_budget)
+    with drawn(progress=progress) as tell:
+        if fill in OPEN_FILLS:
+            return build_open(session, surface, lattice, shapes, fill, budget, tell)
+        return construct(session, surface, lattice, shapes, fill, budget, tell)
 
 
 def count_crossings(
@@ -193,194 +203,3 @@ def count_crossings(
     counts = crossings.count_crossings(session, facets, lattice.bits, grid.shape, "xyz".index(axis))
     result: np.ndarray[Any, np.dtype[np.uint32]] = counts.get()
     return result
-
-
-@dataclass
-class Stages:
-    """Seconds per stage of a build; each ends with the device idle."""
-
-    session: Session
-    seconds: dict[str, float] = field(default_factory=dict)
-
-    @contextmanager
-    def stage(self, name: str) -> Iterator[None]:
-        """Add the time that the body takes to that of stage *name*."""
-        start = time.perf_counter()
-        yield
-        self.session.finish()
-        self.seconds[name] = self.seconds.get(name, 0.0) + time.perf_counter() - start
-
-
-def _build(
-    session: Session,
-    surface: Surface,
-    lattice: Lattice,
-    levels: tuple[Shape, ...],
-    fill: Fill,
-    tell: Progress | None,
-) -> VoxelModel:
-    session.reset_peak()
-    stages = Stages(session)
-    with stages.stage("snap"):
-        vertices = lattice.snap(surface.vertices)
-    with stages.stage("upload"):
-        facets = upload_facets(session, vertices, surface.faces)
-        collapsed = boundary.count_flat(session, facets)
-    odd_rays = disagreements = 0
-    if fill == "surface":
-        arrays = _build_surface(session, facets, lattice, levels, stages, tell)
-    else:
-        build = _build_dense if len(levels) == 1 else _build_bricks
-        winding = _WINDINGS.get(fill)
-        arrays, odd_rays, disagreements = build(
-            session, facets, lattice, levels, winding, stages, tell
-        )
-    warnings = list(surface.warnings)
-    if odd_rays or disagreements:
-        warnings.append(
-            f"{odd_rays} rays cross the mesh an odd number of times and {disagreements} untouched "
-            "cells are in and out at once: please report this mesh"
-        )
-    report = Report(
-        device=str(session.device),
-        fill=fill,
-        seconds=stages.seconds,
-        triangles=len(surface.faces),
-        repeated=surface.repeated,
-        duplicates=surface.duplicates,
-        cancelled=surface.cancelled,
-        collapsed=collapsed,
-        odd_rays=odd_rays,
-        lattice_bits=lattice.bits,
-        peak_nbytes=session.peak_nbytes,
-        warnings=tuple(warnings),
-    )
-    return VoxelModel(session, lattice.grid, arrays, report, ((surface, lattice),))
-
-
-def _build_bricks(
-    session: Session,
-    facets: Facets,
-    lattice: Lattice,
-    levels: tuple[Shape, ...],
-    winding: Winding | None,
-    stages: Stages,
-    tell: Progress | None,
-) -> tuple[VoxelArrays, int, int]:
-    shape = lattice.grid.shape
-    cells = _mark_cells(session, facets, lattice, levels, stages, tell)
-    with stages.stage("clear"):
-        bricks = Bricks.cleared(session, cells)
-    with stages.stage("flip"):
-        part = _part(tell, 1)
-        if winding is None:
-            crossings.flip_bricks(session, facets, lattice.bits, cells, bricks, progress=part)
-        else:
-            fills.flip_bricks(session, facets, lattice.bits, cells, winding, bricks, progress=part)
-    with stages.stage("carry"):
-        solid = carry(session, cells, bricks, shape)
-    arrays = VoxelArrays(shape, bricks.voxels, cells, solid.inside, solid.middle_inside)
-    return arrays, solid.odd_rays, solid.disagreements
-
-
-def _build_dense(
-    session: Session,
-    facets: Facets,
-    lattice: Lattice,
-    levels: tuple[Shape, ...],
-    winding: Winding | None,
-    stages: Stages,
-    tell: Progress | None,
-) -> tuple[VoxelArrays, int, int]:
-    (shape,) = levels
-    nx, ny, nz = shape
-    with stages.stage("clear"):
-        voxels = session.zeros((nz, ny, words_for(nx)), np.uint32)
-        beyond = session.zeros((nz, words_for(nx)), np.uint32)
-    with stages.stage("flip"):
-        target, part = (voxels, beyond), _part(tell, 1)
-        if winding is None:
-            crossings.flip_dense(session, facets, lattice.bits, shape, *target, progress=part)
-        else:
-            fills.flip_dense(session, facets, lattice.bits, shape, winding, *target, progress=part)
-    with stages.stage("carry"):
-        odd_rays = dense.fill(session, voxels, beyond)
-    return VoxelArrays(shape, voxels), odd_rays, 0
-
-
-def _build_surface(
-    session: Session,
-    facets: Facets,
-    lattice: Lattice,
-    levels: tuple[Shape, ...],
-    stages: Stages,
-    tell: Progress | None,
-) -> VoxelArrays:
-    """The touched voxels: marks are all there is to it."""
-    shape = lattice.grid.shape
-    if len(levels) == 1:
-        with stages.stage("mark"):
-            marks = boundary.mark_cells(
-                session, facets, lattice.bits, shape, (1, 1, 1), progress=_part(tell, 1)
-            )
-        return VoxelArrays(shape, marks)
-    cells = _mark_cells(session, facets, lattice, levels, stages, tell)
-    with stages.stage("flip"):
-        voxels = boundary.mark_voxels(
-            session, facets, lattice.bits, shape, cells, progress=_part(tell, 1)
-        )
-    inside = session.zeros(cells.boundary.shape, np.uint32)
-    middle = session.zeros(cells.finer.boundary.shape, np.uint32) if cells.finer else None
-    return VoxelArrays(shape, voxels, cells, inside, middle)
-
-
-def _mark_cells(
-    session: Session,
-    facets: Facets,
-    lattice: Lattice,
-    levels: tuple[Shape, ...],
-    stages: Stages,
-    tell: Progress | None,
-) -> Cells:
-    """The touched cells of each level above the voxels."""
-    shape = lattice.grid.shape
-    sides = levels[1] if len(levels) == 2 else _product(levels[1], levels[2])
-    with stages.stage("mark"):
-        marks = boundary.mark_cells(
-            session, facets, lattice.bits, shape, sides, progress=_part(tell, 0)
-        )
-    with stages.stage("rank"):
-        cells = rank_cells(session, marks, levels[0], levels[1])
-    if len(levels) == 3:
-        counts = cell_shape(shape, levels[2])
-        with stages.stage("mark"):
-            marks = boundary.mark_voxels(
-                session, facets, lattice.bits, counts, cells, side=levels[2]
-            )
-        with stages.stage("rank"):
-            finer = rank_cells(session, marks, counts, levels[2])
-        cells = replace(cells, finer=finer)
-    return cells
-
-
-def _product(a: Shape, b: Shape) -> Shape:
-    return a[0] * b[0], a[1] * b[1], a[2] * b[2]
-
-
-def _part(tell: Progress | None, part: int) -> Progress | None:
-    """Progress of one of two passes over the triangles, as progress of the whole."""
-    if tell is None:
-        return None
-    return lambda done, total: tell(part * total + done, 2 * total)
-
-
-@contextmanager
-def told(total: int, verb: str, *, progress: bool | Progress | None) -> Iterator[Progress | None]:
-    """Whom to tell of progress: the caller's function, a bar, or nobody."""
-    if not isinstance(progress, bool):
-        yield progress
-    elif not progress:
-        yield None
-    else:
-        with tqdm(total=total, unit=" triangles", unit_scale=True, desc=verb) as bar:
-            yield lambda done, _: bar.update(done - bar.n)

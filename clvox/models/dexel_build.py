@@ -12,9 +12,11 @@ from clvox.device import DeviceLike, Session, open_session
 from clvox.errors import GridError, MeshError
 from clvox.grid import Axis, Grid, Lattice
 from clvox.mesh import MeshLike, Surface, check
-from clvox.models.build import Stages, told
+from clvox.models.construct import timed
 from clvox.models.dexel_sources import Source, Sources
 from clvox.models.dexels import AXES, DexelModel, DexelReport
+from clvox.models.memory import find_budget
+from clvox.models.telling import Told, drawn
 from clvox.models.triple import TripleDexelModel
 from clvox.ops import boundary
 from clvox.ops.crossings import fraction_bits
@@ -36,6 +38,7 @@ def dexelize(
     fill: FillRule = "parity",
     lattice_bits: int | None = None,
     device: DeviceLike = None,
+    memory_budget: int | None = None,
     progress: bool | Progress | None = None,
 ) -> DexelModel: ...
 
@@ -51,6 +54,7 @@ def dexelize(
     fill: FillRule = "parity",
     lattice_bits: int | None = None,
     device: DeviceLike = None,
+    memory_budget: int | None = None,
     progress: bool | Progress | None = None,
 ) -> TripleDexelModel: ...
 
@@ -65,6 +69,7 @@ def dexelize(
     fill: FillRule = "parity",
     lattice_bits: int | None = None,
     device: DeviceLike = None,
+    memory_budget: int | None = None,
     progress: bool | Progress | None = None,
 ) -> DexelModel | TripleDexelModel:
     """Return where the rays through the voxel centres of a grid cross a mesh, in order.
@@ -87,6 +92,9 @@ def dexelize(
         What is inside where bodies overlap, as for `voxelize`.
     lattice_bits, device
         As for `voxelize`.
+    memory_budget : int, optional
+        Most bytes of device memory to take; by default what the device has.  The lists of an axis
+        are made in one piece, so a smaller budget is refused and not kept by slabs.
     progress : bool or callable, optional
         True draws a bar; a function is called with (done, total) triangles.  An exception that it
         raises ends the work.
@@ -143,9 +151,9 @@ def dexelize(
     lattice = Lattice.fit(grid, surface.bounds, bits=lattice_bits)
     session = open_session(device)
     axes: list[Axis] = [name for name in AXES if name in axis]
-    total = len(axes) * len(surface.faces)
-    with told(total, "dexelize", progress=progress) as tell:
-        models = _build(session, surface, lattice, axes, fill, tell)
+    budget = find_budget(session, memory_budget)
+    with drawn(progress=progress, verb="dexelize") as tell:
+        models = _build(session, surface, lattice, axes, fill, budget, tell)
     return models[0] if len(models) == 1 else TripleDexelModel(*models)
 
 
@@ -174,36 +182,41 @@ def _build(
     lattice: Lattice,
     axes: list[Axis],
     fill: FillRule,
+    budget: int,
     tell: Progress | None,
 ) -> list[DexelModel]:
     session.reset_peak()
-    first = Stages(session)
-    with first.stage("snap"):
+    count = len(surface.faces)
+    first: dict[str, float] = {}
+    with timed(session, first, "snap"):
         vertices = lattice.snap(surface.vertices)
-    with first.stage("upload"):
-        facets = upload_facets(session, vertices, surface.faces)
-        collapsed = boundary.count_flat(session, facets)
-    sources = Sources((Source(len(surface.faces), surface),))
+    sources = Sources((Source(count, surface),))
+    shape = lattice.grid.shape
     models = []
-    for number, axis in enumerate(axes):
-        stages = Stages(session, dict(first.seconds))
-        with stages.stage("list"):
-            shape = lattice.grid.shape
-            lists = list_crossings(session, facets, lattice.bits, shape, AXES.index(axis))
-        if tell is not None:
-            tell((number + 1) * len(surface.faces), len(axes) * len(surface.faces))
-        report = DexelReport(
-            device=str(session.device),
-            fill=fill,
-            seconds=stages.seconds,
-            triangles=len(surface.faces),
-            repeated=surface.repeated,
-            duplicates=surface.duplicates,
-            cancelled=surface.cancelled,
-            collapsed=collapsed,
-            lattice_bits=lattice.bits,
-            peak_nbytes=session.peak_nbytes,
-            warnings=surface.warnings,
-        )
-        models.append(DexelModel(session, lattice.grid, axis, fill, lists, sources, report))
+    told = Told(tell, len(axes) * count)
+    with session.job(budget, told.again) as job:
+        with timed(session, first, "upload"):
+            facets = upload_facets(session, vertices, surface.faces)
+            collapsed = boundary.count_flat(session, facets)
+        for number, axis in enumerate(axes):
+            seconds = dict(first)
+            with timed(session, seconds, "list"):
+                lists = list_crossings(session, facets, lattice.bits, shape, AXES.index(axis))
+            done = told.part(number / len(axes), (number + 1) / len(axes))
+            if done is not None:
+                done(count, count)
+            report = DexelReport(
+                device=str(session.device),
+                fill=fill,
+                seconds=seconds,
+                triangles=count,
+                repeated=surface.repeated,
+                duplicates=surface.duplicates,
+                cancelled=surface.cancelled,
+                collapsed=collapsed,
+                lattice_bits=lattice.bits,
+                peak_nbytes=job.peak_nbytes,
+                warnings=surface.warnings,
+            )
+            models.append(DexelModel(session, lattice.grid, axis, fill, lists, sources, report))
     return models

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+MOST_DOUBTFUL = 1000
+"""Most doubtful rays of each axis that a report names."""
+
 
 @dataclass(frozen=True)
 class Report:
@@ -23,10 +26,17 @@ class Report:
         Triangles without area on the lattice; they are kept, since they hold surfaces shut.
     odd_rays : int
         Rays that cross the mesh an odd number of times: 0 on a closed mesh.
+    doubtful_rays : dict of str to int
+        For the fill "vote" such rays along "x", "y" and "z" apart: there one end of the ray says
+        in where the other says out.
+    first_doubtful_rays : tuple of (str, int, int)
+        The first of them, `MOST_DOUBTFUL` for each axis: the axis, and the voxel indices along
+        the other two, the earlier of x, y, z first.
     lattice_bits : int
         Steps of the lattice in a voxel, as a power of two.
     peak_nbytes : int
-        Most bytes of device memory in use while it was built.
+        Most bytes of device memory that building took at once, the model included; those of
+        other models do not count.
     warnings : tuple of str
         What a user should know about the mesh.
     """
@@ -40,6 +50,8 @@ class Report:
     cancelled: int = 0
     collapsed: int = 0
     odd_rays: int = 0
+    doubtful_rays: dict[str, int] = field(default_factory=dict)
+    first_doubtful_rays: tuple[tuple[str, int, int], ...] = ()
     lattice_bits: int = 0
     peak_nbytes: int = 0
     warnings: tuple[str, ...] = ()

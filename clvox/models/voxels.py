@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 import trimesh
@@ -16,8 +16,8 @@ from clvox import surface as surfaces
 from clvox.device import DeviceLike, Session, open_session
 from clvox.errors import GridError, MeshError
 from clvox.grid import Grid, Lattice, Shape
-from clvox.mesh import Surface
-from clvox.models import archive
+from clvox.mesh import MeshLike, Surface
+from clvox.models import archive, updates
 from clvox.models.expand import RuleName, check_bounds, expand_layers, find_rule
 from clvox.models.levels import Levels, resolve_levels
 from clvox.models.moments import center_of_mass, inertia
@@ -32,6 +32,8 @@ from clvox.ops.query import Rule
 
 if TYPE_CHECKING:
     import pyopencl.array as cla
+
+    from clvox.models.build import Fill
 
 OUTSIDE, INSIDE, BOUNDARY = 0, 1, 2
 """What `VoxelModel.classify` and coarse levels say."""
@@ -178,6 +180,46 @@ class VoxelModel:
         """
         arrays = combine.rebrick(self._session, self._arrays, self.levels, prune=True)
         return self._with(arrays, ())
+
+    def updated(self, mesh: MeshLike | Surface, *, changed: ArrayLike) -> VoxelModel:
+        """Return the model of this model's mesh after an edit: some of its triangles moved.
+
+        It is that of ``voxelize(mesh, grid=model.grid, levels=model.levels)`` on this model's
+        lattice (``lattice_bits=model.report.lattice_bits``), bit for bit: the same voxels in the
+        same bricks.  Only the crossings of changed triangles are looked for, as they were and as
+        they are (Young 2017), so that it costs less the less has changed; but by a fill other than
+        "parity" everything is done anew.
+
+        Parameters
+        ----------
+        mesh : trimesh.Trimesh, path, or (vertices, faces)
+            With as many triangles as the mesh that was voxelized, in the same order; closed, as
+            the fill demands.
+        changed : (n,) int
+            The numbers of the triangles with a vertex that moved, and perhaps of others.
+
+        Raises
+        ------
+        MeshError
+            A triangle that is not listed has changed; a number is out of range; the number of
+            triangles is another; or the model is not that of one mesh, but was read from a file,
+            combined, compacted, or made from an array.
+        NotClosedError, NotOrientedError
+            As for `voxelize`.
+        GridError
+            The mesh has grown beyond this model's lattice.
+        """
+        before, lattice = source = updates.require_one_mesh(self._surfaces, self.report)
+        after, listed = updates.check_edit(before, mesh, changed)
+        if self.report.fill != "parity":
+            return self._anew(after, lattice.bits)
+        after.require_closed()
+        # Only says whether the edited mesh has room on the lattice.
+        Lattice.fit(self.grid, after.bounds, bits=lattice.bits)
+        arrays, report = updates.update_arrays(
+            self._session, self._arrays, self.report, source, after, listed
+        )
+        return replace(self, _arrays=arrays, report=report, _surfaces=((after, lattice),))
 
     # Measures
 
@@ -466,6 +508,19 @@ class VoxelModel:
         known = self._surfaces and other._surfaces
         surfaces = tuple(dict.fromkeys(self._surfaces + other._surfaces)) if known else ()
         return self._with(arrays, surfaces)
+
+    def _anew(self, surface: Surface, bits: int) -> VoxelModel:
+        """The model of another mesh, made like this one."""
+        from clvox.models.build import voxelize
+
+        return voxelize(
+            surface,
+            grid=self.grid,
+            levels=self.levels,
+            fill=cast("Fill", self.report.fill),
+            lattice_bits=bits,
+            device=self._session.device,
+        )
 
     def _with(
         self, arrays: VoxelArrays, surfaces: tuple[tuple[Surface, Lattice], ...]

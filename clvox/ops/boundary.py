@@ -7,7 +7,7 @@ import pyopencl.array as cla
 
 from clvox.device import Session
 from clvox.grid import Shape
-from clvox.ops.facets import Facets, Progress, visit_facets
+from clvox.ops.facets import Facets, Mesh, Progress, visit_facets
 from clvox.ops.layout import Cells, cell_shape, int4, words_for
 
 _FILE = "boundary/mark_cells.cl"
@@ -23,7 +23,7 @@ TILE = 16
 
 def mark_cells(
     session: Session,
-    facets: Facets,
+    facets: Mesh,
     bits: int,
     shape: Shape,
     brick: Shape,
@@ -47,7 +47,7 @@ def mark_cells(
 
 def mark_voxels(
     session: Session,
-    facets: Facets,
+    facets: Mesh,
     bits: int,
     shape: Shape,
     cells: Cells,
@@ -78,13 +78,18 @@ def _defines(bits: int, cell: Shape, sink: int, direct: int, tile: int) -> dict[
     return {"STEP_BITS": bits, "SINK": sink, "DIRECT": direct, "TILE": tile, **sides}
 
 
-def count_flat(session: Session, facets: Facets) -> int:
+def count_flat(session: Session, facets: Mesh) -> int:
     """Return the number of triangles without area on the lattice."""
-    count = facets.faces.shape[0]
+    return sum(_count_flat(session, facets.part(session, n)) for n in range(facets.parts))
+
+
+def _count_flat(session: Session, facets: Facets) -> int:
+    count = facets.triangles
     if count == 0:
         return 0
     parts = -(-count // _FLAT_RUN)
     counts = session.empty(parts, np.uint32)
     kernel = session.kernel("boundary/count_flat.cl", "count_flat", RUN=_FLAT_RUN)
-    session.run(kernel, parts, np.uint64(count), facets.faces, facets.vertices, counts)
+    mesh = facets.faces, facets.vertices
+    session.run(kernel, parts, np.uint64(count), *mesh, counts, steps=_FLAT_RUN)
     return int(counts.get().sum(dtype=np.uint64))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from enum import IntEnum
 
@@ -13,7 +14,7 @@ from clvox.device import Session
 from clvox.device.session import Argument
 from clvox.grid import Shape
 from clvox.ops.layout import VoxelArrays, cell_shape, int4, words_for
-from clvox.ops.multilevel import list_bricks, list_bricks_below, rank_cells
+from clvox.ops.multilevel import BITS, list_bricks, list_bricks_below, rank_cells
 from clvox.ops.query import Rule
 
 _COMBINE = "combine/combine.cl"
@@ -123,14 +124,16 @@ def rebrick(
 
     if len(levels) == 1:
         dense = session.empty((shape[2], shape[1], words_for(shape[0])), np.uint32)
-        session.run(kernel("flatten", (0, 0, 0)), dense.size, voxels, *source, dense)
+        flatten = kernel("flatten", (0, 0, 0))
+        session.run(flatten, dense.size, voxels, *source, dense, steps=BITS)
         return VoxelArrays(shape, dense)
     sides = levels[1] if len(levels) == 2 else _product(levels[1], levels[2])
     counts = levels[0]
     mixed = session.empty((counts[2], counts[1], words_for(counts[0])), np.uint32)
     inside = session.empty(mixed.shape, np.uint32)
     top = kernel("rebrick_cells", sides)
-    session.run(top, mixed.size, voxels, int4(counts), *source, mixed, inside)
+    looks = BITS * math.prod(sides)
+    session.run(top, mixed.size, voxels, int4(counts), *source, mixed, inside, steps=looks)
     cells = rank_cells(session, mixed, counts, levels[1])
     owners = list_bricks(session, cells)
     middle_inside = None
@@ -140,7 +143,9 @@ def rebrick(
         if mixed.size:
             middle = kernel("rebrick_middle", levels[2], levels[1])
             words = np.uint64(mixed.size)
-            session.run(middle, mixed.size, words, voxels, owners, *source, mixed, middle_inside)
+            target = mixed, middle_inside
+            looks = BITS * math.prod(levels[2])
+            session.run(middle, mixed.size, words, voxels, owners, *source, *target, steps=looks)
         finer = rank_cells(session, mixed, cell_shape(shape, levels[2]), levels[2])
         owners = list_bricks_below(session, finer, owners, levels[1])
         cells = replace(cells, finer=finer)
@@ -148,7 +153,7 @@ def rebrick(
     if bricks.size:
         words = np.uint64(bricks.size)
         leaf = kernel("rebrick_voxels", levels[-1])
-        session.run(leaf, bricks.size, words, voxels, owners, *source, bricks)
+        session.run(leaf, bricks.size, words, voxels, owners, *source, bricks, steps=BITS)
     return VoxelArrays(shape, bricks, cells, inside, middle_inside)
 
 

@@ -10,8 +10,8 @@ from pyopencl import cltypes
 
 from clvox.device import Session
 from clvox.grid import Shape
-from clvox.ops.facets import Facets, Progress, visit_facets
-from clvox.ops.layout import Bricks, Cells, int4, words_for
+from clvox.ops.facets import Facets, Mesh, Progress, visit_facets
+from clvox.ops.layout import Bricks, Cells, Slab, words_for
 
 _FILE = "crossings/cast_rays.cl"
 _COUNT, _DENSE, _BRICKS, _EMIT = 0, 1, 2, 3
@@ -44,6 +44,14 @@ class Window(NamedTuple):
         """All rays along *axis* of a grid of *shape* voxels."""
         return cls(0, 0, shape[(axis + 1) % 3], shape[(axis + 2) % 3])
 
+    @classmethod
+    def of_slab(cls, cells: Cells, slab: Slab) -> Window:
+        """All rays along y of a slab of the tree *cells*, those of the padding included."""
+        last = cells.last
+        side = last.brick[2]
+        stop = (slab.first_layer + slab.layers) * side
+        return cls(slab.first_layer * side, 0, stop, last.padded[0])
+
     @property
     def sides(self) -> tuple[int, int]:
         """Rays along u and v."""
@@ -70,9 +78,17 @@ class Window(NamedTuple):
         return self._replace(stop_v=middle), self._replace(first_v=middle)
 
 
+def near(facets: Mesh, bits: int, axis: int, window: Window) -> Mesh:
+    """The triangles that the rays of *window* may cross: all, if they are on the device anyway."""
+    if isinstance(facets, Facets):
+        return facets
+    corners = np.array([window[:2], np.subtract(window[2:], 1)], dtype=np.int64) << bits
+    return facets.within([(axis + 1) % 3, (axis + 2) % 3], corners[0], corners[1])
+
+
 def count_crossings(
     session: Session,
-    facets: Facets,
+    facets: Mesh,
     bits: int,
     shape: Shape,
     axis: int,
@@ -93,7 +109,7 @@ def count_crossings(
 
 def add_counts(
     session: Session,
-    facets: Facets,
+    facets: Mesh,
     bits: int,
     axis: int,
     window: Window,
@@ -112,7 +128,7 @@ def add_counts(
 
 def emit_crossings(
     session: Session,
-    facets: Facets,
+    facets: Mesh,
     bits: int,
     axis: int,
     window: Window,
@@ -135,7 +151,7 @@ def emit_crossings(
 
 def flip_dense(
     session: Session,
-    facets: Facets,
+    facets: Mesh,
     bits: int,
     shape: Shape,
     voxels: cla.Array,
@@ -159,7 +175,7 @@ def flip_dense(
 
 def flip_bricks(
     session: Session,
-    facets: Facets,
+    facets: Mesh,
     bits: int,
     cells: Cells,
     bricks: Bricks,
@@ -174,7 +190,7 @@ def flip_bricks(
     Rays of the padding are cast like all others.
     """
     defines = {"AXIS": 1, "STEP_BITS": bits, "SINK": _BRICKS, "DIRECT": direct, "TILE": tile}
-    columns = int4(cells.last.shape), *cells.tree
-    sink = *columns, bricks.voxels, bricks.exits, bricks.entry, bricks.beyond
-    box = Window.whole(cells.last.padded, 1).box
-    visit_facets(session, _FILE, "cast", facets, box, sink, defines | cells.defines, progress)
+    window = Window.of_slab(cells, bricks.slab)
+    facets, sink = near(facets, bits, 1, window), bricks.sink(cells)
+    defines |= cells.defines
+    visit_facets(session, _FILE, "cast", facets, window.box, sink, defines, progress)

@@ -21,5 +21,6 @@ def fill(session: Session, voxels: cla.Array, beyond: cla.Array) -> int:
     odd = session.zeros(1, np.uint32)
     kernel = session.kernel("dense/fill.cl", "fill", SPAN=SPAN)
     spans = -(-words // SPAN)
-    session.run(kernel, spans * nz, int4((words, ny, nz)), voxels, beyond, odd)
+    shape = int4((words, ny, nz))
+    session.run(kernel, spans * nz, shape, voxels, beyond, odd, steps=SPAN * ny)
     return int(odd.get()[0])

@@ -8,6 +8,7 @@ cut so that none takes long.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from functools import cached_property, partial
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
@@ -27,6 +28,9 @@ RUN = 16
 TRIANGLES_PER_LAUNCH = 1 << 19
 TILES_PER_LAUNCH = 1 << 16
 
+_TILE_STEPS = 32
+"""What counting the tiles of a triangle costs, more or less."""
+
 
 class Facets(NamedTuple):
     """A mesh on the device, on the lattice.
@@ -36,6 +40,69 @@ class Facets(NamedTuple):
 
     vertices: cla.Array
     faces: cla.Array
+
+    @property
+    def triangles(self) -> int:
+        """Number of triangles."""
+        return int(self.faces.shape[0])
+
+    @property
+    def parts(self) -> int:
+        """In how many parts it is visited: in one."""
+        return 1
+
+    def part(self, _: Session, number: int) -> Facets:
+        """Return part *number*, which is all of it."""
+        assert number == 0
+        return self
+
+
+class FacetChunks:
+    """A mesh on the lattice that stays on the host and is sent to the device part by part.
+
+    vertices: (n, 3) int32, lattice steps; faces: (m, 3) int32; most: triangles in a part.
+    """
+
+    def __init__(self, vertices: NDArray[np.int32], faces: NDArray[np.int32], most: int) -> None:
+        self.vertices = vertices
+        self.faces = faces
+        self.most = most
+
+    @property
+    def triangles(self) -> int:
+        """Number of triangles."""
+        return len(self.faces)
+
+    @property
+    def parts(self) -> int:
+        """Number of parts."""
+        return -(-self.triangles // self.most)
+
+    def part(self, session: Session, number: int) -> Facets:
+        """Return part *number*, on the device; its triangles share no vertices."""
+        faces = self.faces[number * self.most : (number + 1) * self.most]
+        corners = self.vertices[faces].reshape(-1, 3)
+        return upload_facets(
+            session, corners, np.arange(len(corners), dtype=np.int32).reshape(-1, 3)
+        )
+
+    def within(
+        self, axes: list[int], low: NDArray[np.int64], high: NDArray[np.int64]
+    ) -> FacetChunks:
+        """The triangles whose boxes reach between *low* and *high*, both included, along *axes*."""
+        lowest, highest = self._boxes
+        reach = (lowest[:, axes] <= high) & (highest[:, axes] >= low)
+        return FacetChunks(self.vertices, self.faces[reach.all(axis=1)], self.most)
+
+    @cached_property
+    def _boxes(self) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+        """Lowest and highest corner of each triangle's box; (m, 3) each."""
+        a, b, c = (self.vertices[self.faces[:, corner]] for corner in range(3))
+        return np.minimum(np.minimum(a, b), c), np.maximum(np.maximum(a, b), c)
+
+
+Mesh: TypeAlias = Facets | FacetChunks
+"""What is visited: a mesh on the device, or one that is sent there part by part."""
 
 
 def upload_facets(
@@ -49,7 +116,7 @@ def visit_facets(
     session: Session,
     file: str,
     verb: str,
-    facets: Facets,
+    facets: Mesh,
     space: np.generic,
     sink: tuple[Argument, ...],
     defines: dict[str, int],
@@ -68,6 +135,32 @@ def visit_facets(
     progress : callable, optional
         Told of triangles done; with it, each launch is waited for.
     """
+    count, start = facets.triangles, 0
+    for number in range(facets.parts):
+        part = facets.part(session, number)
+        size = part.triangles
+        told = None if progress is None else partial(_tell_part, progress, start, count)
+        _visit_part(session, file, verb, part, space, sink, defines, told)
+        start += size
+        # Before the next part takes memory.
+        del part
+
+
+def _tell_part(progress: Progress, start: int, count: int, done: int, _: int) -> None:
+    """Tell of the triangles of a part, which begin at *start*, as of the whole."""
+    progress(start + done, count)
+
+
+def _visit_part(
+    session: Session,
+    file: str,
+    verb: str,
+    facets: Facets,
+    space: np.generic,
+    sink: tuple[Argument, ...],
+    defines: dict[str, int],
+    progress: Progress | None,
+) -> None:
     vertices, faces = facets
     count = faces.shape[0]
     if count == 0:
@@ -91,7 +184,8 @@ def visit_facets(
         return
     tiles = session.empty(int(large), np.uint32)
     count_tiles = session.kernel(file, "count_tiles", **defines, EDGE_BITS=64)
-    session.run(count_tiles, int(large), large, space, faces, vertices, entries, tiles)
+    mesh = faces, vertices, entries
+    session.run(count_tiles, int(large), large, space, *mesh, tiles, steps=_TILE_STEPS)
     offsets, pairs = prefix_sum(session, tiles, bits=64)
     tiled = session.kernel(file, f"{verb}_tiles", **defines, EDGE_BITS=64)
     for first, last in _launches(pairs, TILES_PER_LAUNCH):

@@ -11,9 +11,9 @@ import pyopencl.array as cla
 from clvox.device import Session
 from clvox.device.session import Argument
 from clvox.grid import Shape
-from clvox.ops.crossings import Window, fraction_bits
-from clvox.ops.facets import Facets, Progress
-from clvox.ops.layout import Bricks, Cells, int4, words_for
+from clvox.ops.crossings import Window, fraction_bits, near
+from clvox.ops.facets import Mesh, Progress
+from clvox.ops.layout import Bricks, Cells, words_for
 from clvox.ops.lists import Rows, sort_crossings
 
 _FILE = "fill/flip_rule.cl"
@@ -21,6 +21,9 @@ _DENSE, _BRICKS = 1, 2
 
 LIST_BYTES = 1 << 28
 """About how much of the lists is on the device at once."""
+
+_CROSSINGS = 16
+"""Crossings of a ray, more or less."""
 
 _BYTES_PER_ENTRY = 32
 # A ray takes 4 + 8 bytes, a crossing 8, and 8 more while a long row is sorted; both together are
@@ -36,7 +39,7 @@ class Winding(IntEnum):
 
 def flip_dense(
     session: Session,
-    facets: Facets,
+    facets: Mesh,
     bits: int,
     shape: Shape,
     rule: Winding,
@@ -51,13 +54,13 @@ def flip_dense(
     The arrays are those of `clvox.ops.crossings.flip_dense`.
     """
     sink = np.int32(shape[1]), np.int32(words_for(shape[0])), voxels, beyond
-    defines = {"SINK": _DENSE}
-    _flip(session, facets, bits, shape, rule, sink, defines, progress, list_bytes)
+    defines, window = {"SINK": _DENSE}, Window.whole(shape, 1)
+    _flip(session, facets, bits, window, rule, sink, defines, progress, list_bytes)
 
 
 def flip_bricks(
     session: Session,
-    facets: Facets,
+    facets: Mesh,
     bits: int,
     cells: Cells,
     rule: Winding,
@@ -70,17 +73,16 @@ def flip_bricks(
 
     The arrays are those of `clvox.ops.crossings.flip_bricks`.
     """
-    columns = int4(cells.last.shape), *cells.tree
-    sink = *columns, bricks.voxels, bricks.exits, bricks.entry, bricks.beyond
-    defines = {"SINK": _BRICKS, **cells.defines}
-    _flip(session, facets, bits, cells.last.padded, rule, sink, defines, progress, list_bytes)
+    defines, window = {"SINK": _BRICKS, **cells.defines}, Window.of_slab(cells, bricks.slab)
+    sink = bricks.sink(cells)
+    _flip(session, facets, bits, window, rule, sink, defines, progress, list_bytes)
 
 
 def _flip(
     session: Session,
-    facets: Facets,
+    facets: Mesh,
     bits: int,
-    shape: Shape,
+    window: Window,
     rule: Winding,
     sink: tuple[Argument, ...],
     defines: dict[str, int],
@@ -90,11 +92,11 @@ def _flip(
     kernel = session.kernel(
         _FILE, "flip_rule", RULE=int(rule), FRACTION_BITS=fraction_bits(bits), **defines
     )
-    window = Window.whole(shape, 1)
-    done, triangles = 0, facets.faces.shape[0]
+    done, triangles = 0, facets.triangles
     for rows in _slabs(session, facets, bits, window, list_bytes):
         rays = rows.window.rays
-        session.run(kernel, rays, rows.window.box, rows.offsets, rows.crossings, *sink)
+        listed = rows.window.box, rows.offsets, rows.crossings
+        session.run(kernel, rays, *listed, *sink, steps=_CROSSINGS)
         done += rays
         if progress is not None:
             session.finish()
@@ -102,7 +104,7 @@ def _flip(
 
 
 def _slabs(
-    session: Session, facets: Facets, bits: int, whole: Window, list_bytes: int
+    session: Session, facets: Mesh, bits: int, whole: Window, list_bytes: int
 ) -> Iterator[Rows]:
     """The crossings of all rays along y, as many rays at a time as the budget allows.
 
@@ -115,7 +117,7 @@ def _slabs(
         rows = None
         if window.rays == 1 or window.rays <= most:
             limit = None if window.rays == 1 else most
-            rows = sort_crossings(session, facets, bits, 1, window, limit)
+            rows = sort_crossings(session, near(facets, bits, 1, window), bits, 1, window, limit)
         if rows is None:
             waiting += reversed(window.halves())
         else:

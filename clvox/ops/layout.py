@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import cast
+from typing import NamedTuple, cast
 
 import numpy as np
 import pyopencl.array as cla
@@ -89,31 +89,70 @@ class Cells:
         return words_for(self.brick[0] * self.brick[2])
 
 
+class Slab(NamedTuple):
+    """Whole layers of coarse cells: as many layers of cells of voxels, and their bricks.
+
+    Rows along y are cut nowhere, so slabs are independent of each other; and since bricks are
+    numbered along z last, those of a slab follow each other.
+    """
+
+    first_layer: int
+    layers: int
+    first_brick: int
+    bricks: int
+
+    @classmethod
+    def whole(cls, cells: Cells) -> Slab:
+        """All there is below the tree *cells*."""
+        return cls(0, cells.last.shape[2], 0, cells.last.count)
+
+
 @dataclass(frozen=True)
 class Bricks:
     """What crossings are flipped into.
 
     voxels: (count, brick words) uint32.
-    exits: (count, face words): crossings behind the last sample of a brick's cell.
-    entry, beyond: (Nz, Nx, face words): crossings before the first and past the last sample.
+    And of a slab, whose rays alone are cast:
+    exits: (bricks, face words): crossings behind the last sample of a brick's cell.
+    entry, beyond: (layers, Nx, face words): crossings before the first and past the last sample.
     """
 
     voxels: cla.Array
     exits: cla.Array
     entry: cla.Array
     beyond: cla.Array
+    slab: Slab
 
     @classmethod
-    def cleared(cls, session: Session, cells: Cells) -> Bricks:
-        """Return bricks of voxels for the tree *cells* without a flipped bit."""
+    def cleared(
+        cls,
+        session: Session,
+        cells: Cells,
+        voxels: cla.Array | None = None,
+        slab: Slab | None = None,
+    ) -> Bricks:
+        """Return bricks of voxels for the tree *cells* without a flipped bit.
+
+        voxels: those of the whole model, if they are there already; slab: by default, all of it.
+        """
         last = cells.last
-        columns = last.shape[2], last.shape[0], last.face_words
+        slab = slab or Slab.whole(cells)
+        columns = slab.layers, last.shape[0], last.face_words
+        if voxels is None:
+            voxels = session.zeros((last.count, last.brick_words), np.uint32)
         return cls(
-            voxels=session.zeros((last.count, last.brick_words), np.uint32),
-            exits=session.zeros((last.count, last.face_words), np.uint32),
+            voxels=voxels,
+            exits=session.zeros((slab.bricks, last.face_words), np.uint32),
             entry=session.zeros(columns, np.uint32),
             beyond=session.zeros(columns, np.uint32),
+            slab=slab,
         )
+
+    def sink(self, cells: Cells) -> tuple[Argument, ...]:
+        """SINK_PARAMETERS of `crossings/sinks.h` for the sink BRICKS."""
+        start = np.int32(self.slab.first_layer), np.uint32(self.slab.first_brick)
+        flips = self.voxels, self.exits, self.entry, self.beyond
+        return int4(cells.last.shape), *cells.tree, *start, *flips
 
 
 def brick_defines(brick: Shape) -> dict[str, int]:

@@ -14,7 +14,7 @@ from clvox.device.session import Argument
 from clvox.grid import Shape
 from clvox.ops import crossings
 from clvox.ops.crossings import Window, fraction_bits
-from clvox.ops.facets import Facets, visit_facets
+from clvox.ops.facets import Facets, Mesh, visit_facets
 from clvox.ops.scan import prefix_sum
 
 SHORT = 32
@@ -39,7 +39,8 @@ class Rows(NamedTuple):
     and z, and u * (rays along v) + v along y.
     offsets: (rays + 1,) uint64, where each ray's crossings begin.
     crossings: int64, depth * 2**32 + triangle * 2 + (1 if the ray goes in); depth is fixed point in
-    voxels, rounded up.  There may be more entries than crossings.
+    voxels, rounded up; triangles of a mesh in parts are numbered within each part.  There may be
+    more entries than crossings.
     """
 
     window: Window
@@ -218,7 +219,7 @@ def _sort_long(
 
 def sort_crossings(
     session: Session,
-    facets: Facets,
+    facets: Mesh,
     bits: int,
     axis: int,
     window: Window,
@@ -255,7 +256,8 @@ def sort_rows(session: Session, offsets: cla.Array, rows: cla.Array, *, short: i
     listed = session.empty(room, np.uint64)
     lengths = session.empty(room, np.uint32)
     kernel = session.kernel("lists/sort_rows.cl", "sort_short", SHORT=short)
-    session.run(kernel, rays, np.uint64(rays), offsets, rows, found, listed, lengths)
+    long = found, listed, lengths
+    session.run(kernel, rays, np.uint64(rays), offsets, rows, *long, steps=short)
     entries, longest = found.get().tolist()
     if not entries:
         return

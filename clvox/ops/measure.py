@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from clvox.device import Session
 from clvox.grid import Shape
-from clvox.ops.layout import Cells, VoxelArrays, cell_shape, int2, int4
+from clvox.ops.layout import Cells, VoxelArrays, cell_shape, int2, int4, words_for
 from clvox.ops.multilevel import list_bricks
 from clvox.ops.query import Rule
 
@@ -51,7 +51,7 @@ def count_voxels(
         counts = session.empty(parts, np.uint32)
         kernel = session.kernel(_COUNT, "count_bits", RULE=rule, RUN=RUN)
         marks = arrays.voxels if edge is None else edge
-        session.run(kernel, parts, np.uint64(words), arrays.voxels, marks, counts)
+        session.run(kernel, parts, np.uint64(words), arrays.voxels, marks, counts, steps=RUN)
         total = int(counts.get().sum(dtype=np.uint64))
     return total + _count_inside(session, arrays)
 
@@ -65,7 +65,7 @@ def _count_inside(session: Session, arrays: VoxelArrays) -> int:
     nx, ny, nz = cells.shape
     counts = session.empty((nz, ny, 2), np.uint32)
     kernel = session.kernel(_COUNT, "count_cells", RULE=Rule.CENTRE, RUN=RUN)
-    session.run(kernel, ny * nz, int4(cells.shape), inside, counts)
+    session.run(kernel, ny * nz, int4(cells.shape), inside, counts, steps=words_for(nx))
     last_x, width_y, width_z = (
         np.minimum(side, count - side * np.arange(number))
         for side, count, number in zip(sides, arrays.shape, cells.shape, strict=True)
@@ -109,7 +109,7 @@ def sum_moments(session: Session, arrays: VoxelArrays) -> tuple[int, ...]:
         count = min(ROWS, rows - first)
         sums = session.empty((count, SUMS), np.uint64)
         span = int4(arrays.shape), int4(arrays.columns), np.uint64(first), np.uint64(count)
-        session.run(kernel, count, *span, *arrays.arguments(), sums)
+        session.run(kernel, count, *span, *arrays.arguments(), sums, steps=arrays.shape[0])
         found = sums.get()
         high = (found >> np.uint64(32)).sum(axis=0, dtype=np.uint64).tolist()
         low = (found & np.uint64(0xFFFFFFFF)).sum(axis=0, dtype=np.uint64).tolist()
@@ -132,7 +132,8 @@ def count_blocks(session: Session, arrays: VoxelArrays, side: Shape) -> NDArray[
         counts = session.empty((layers, parts_z, y, parts_y, x), np.uint32)
         shapes = int4(arrays.shape), int4(side), int4((x, y, layers))
         span = np.int32(first), int2(parts_y, parts_z)
-        session.run(kernel, counts.size, *shapes, *span, *arrays.arguments(), counts)
+        looks = math.prod(min(part, PART) for part in side[1:]) * words_for(side[0])
+        session.run(kernel, counts.size, *shapes, *span, *arrays.arguments(), counts, steps=looks)
         counts.get().sum(axis=(1, 3), dtype=np.int64, out=result[first : first + layers])
     return result
 

@@ -18,6 +18,10 @@ RANK_WORDS = 8
 """Words of boundary bits per entry of the rank."""
 
 
+BITS = 32
+"""Cells in a word."""
+
+
 class Solid(NamedTuple):
     """What carrying finds.
 
@@ -42,32 +46,46 @@ def rank_cells(session: Session, boundary: cla.Array, shape: Shape, brick: Shape
     counts = session.empty(blocks, np.uint32)
     if blocks:
         kernel = session.kernel("multilevel/count_cells.cl", "count_cells")
-        session.run(kernel, blocks, np.uint64(boundary.size), boundary, counts)
+        words = np.uint64(boundary.size)
+        session.run(kernel, blocks, words, boundary, counts, steps=RANK_WORDS)
     rank, count = prefix_sum(session, counts)
     return Cells(shape, brick, boundary, rank, count)
 
 
-def carry(session: Session, cells: Cells, bricks: Bricks, shape: Shape) -> Solid:
+def carry(
+    session: Session, cells: Cells, bricks: Bricks, shape: Shape, others: Solid | None = None
+) -> Solid:
     """Resolve the flipped bits of *bricks*, in place, and find the cells inside.
 
     shape: voxels (x, y, z); bits of the padding are cleared.  `bricks.entry` is overwritten.
+    others: what was found in other slabs, whose arrays are gone on with.
     """
+    solid = others or empty_solid(session, cells)
     kernel = session.kernel("multilevel/carry.cl", "carry", **cells.defines)
     doubts = session.zeros(2, np.uint32)
-    model = int4(shape), *cells.tree
+    model, slab = (int4(shape), *cells.tree), bricks.slab
+    span = np.int32(slab.first_layer), np.int32(slab.layers), np.uint32(slab.first_brick)
     flips = bricks.beyond, bricks.exits, bricks.entry, bricks.voxels
-    if cells.finer is None:
-        inside, middle_inside = session.empty(cells.boundary.shape, np.uint32), None
-        items = words_for(cells.shape[0]) * cells.shape[2]
-        session.run(kernel, items, *model, *flips, inside, doubts)
+    if cells.finer is None or solid.middle_inside is None:
+        items, steps = words_for(cells.shape[0]) * slab.layers, BITS * cells.shape[1]
+        session.run(kernel, items, *model, *span, *flips, solid.inside, doubts, steps=steps)
     else:
-        inside = session.zeros(cells.boundary.shape, np.uint32)
-        middle_inside = session.zeros(cells.finer.boundary.shape, np.uint32)
         columns = cells.finer.shape
-        items = columns[0] * columns[2]
-        session.run(kernel, items, *model, int4(columns), *flips, inside, middle_inside, doubts)
+        target = solid.inside, solid.middle_inside, doubts
+        walks = int4(columns), *span, *flips, *target
+        session.run(kernel, columns[0] * slab.layers, *model, *walks, steps=columns[1])
     disagreements, odd_rays = doubts.get().tolist()
-    return Solid(inside, middle_inside, disagreements, odd_rays)
+    return solid._replace(
+        disagreements=solid.disagreements + disagreements, odd_rays=solid.odd_rays + odd_rays
+    )
+
+
+def empty_solid(session: Session, cells: Cells) -> Solid:
+    """Return the solid without a cell inside."""
+    inside = session.zeros(cells.boundary.shape, np.uint32)
+    finer = cells.finer
+    middle = None if finer is None else session.zeros(finer.boundary.shape, np.uint32)
+    return Solid(inside, middle, 0, 0)
 
 
 def list_bricks(session: Session, cells: Cells) -> cla.Array:
@@ -76,7 +94,8 @@ def list_bricks(session: Session, cells: Cells) -> cla.Array:
     if cells.count:
         kernel = session.kernel(_LIST, "list_coarse", **brick_defines((1, 1, 1)))
         words = cells.boundary.size
-        session.run(kernel, words, int4(cells.shape), cells.boundary, cells.rank, owners)
+        level = cells.boundary, cells.rank
+        session.run(kernel, words, int4(cells.shape), *level, owners, steps=BITS)
     return owners
 
 
@@ -89,5 +108,6 @@ def list_bricks_below(session: Session, finer: Cells, above: cla.Array, brick: S
     if finer.count:
         kernel = session.kernel(_LIST, "list_below", **brick_defines(brick))
         words = finer.boundary.size
-        session.run(kernel, words, np.uint64(words), above, finer.boundary, finer.rank, owners)
+        level = finer.boundary, finer.rank
+        session.run(kernel, words, np.uint64(words), above, *level, owners, steps=BITS)
     return owners

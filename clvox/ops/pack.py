@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 
 import numpy as np
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 from clvox.device import Session
 from clvox.grid import Shape
 from clvox.ops.layout import VoxelArrays, brick_defines, cell_shape, int4, words_for
-from clvox.ops.multilevel import rank_cells
+from clvox.ops.multilevel import BITS, rank_cells
 
 _FILE = "pack/pack_voxels.cl"
 
@@ -31,14 +32,15 @@ def pack_voxels(session: Session, voxels: NDArray[np.bool_], brick: Shape) -> Vo
     kernel = session.kernel(_FILE, "pack_cells", **defines)
     for layer, layers, slab in _slabs(session, voxels, cells, brick):
         span = np.int32(layer), np.int32(layers), int4(cells), int4(shape)
-        session.run(kernel, words * cells[1] * layers, *span, slab, boundary, inside)
+        items, looks = words * cells[1] * layers, BITS * math.prod(brick)
+        session.run(kernel, items, *span, slab, boundary, inside, steps=looks)
     ranked = rank_cells(session, boundary, cells, brick)
     bricks = session.empty((ranked.count, ranked.brick_words), np.uint32)
     kernel = session.kernel(_FILE, "pack_bricks", **defines)
     for layer, layers, slab in _slabs(session, voxels, cells, brick):
         span = np.int32(layer), np.int32(layers), int4(cells), int4(shape)
-        items = words * cells[1] * layers
-        session.run(kernel, items, *span, slab, boundary, ranked.rank, bricks)
+        items, looks = words * cells[1] * layers, BITS * math.prod(brick)
+        session.run(kernel, items, *span, slab, boundary, ranked.rank, bricks, steps=looks)
     return VoxelArrays(shape, bricks, ranked, inside)
 
 

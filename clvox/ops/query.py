@@ -71,7 +71,8 @@ def expand(
     out = session.empty((z, y, x), np.uint8)
     kernel = session.kernel("query/expand.cl", "expand", RULE=rule, RUN=RUN, **arrays.defines)
     runs = -(-x // RUN) * y * z
-    session.run(kernel, runs, int4(start), int4((x, y, z)), *arrays.arguments(edge), out)
+    box = int4(start), int4((x, y, z))
+    session.run(kernel, runs, *box, *arrays.arguments(edge), out, steps=RUN)
     out.get(ary=into)
     return into
 

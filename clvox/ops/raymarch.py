@@ -54,6 +54,7 @@ def march_surface(
         columns * rows,
         *(int2(columns, rows), int4(arrays.shape), int4(arrays.columns), *_ray_arguments(rays)),
         *(*arrays.arguments(), hits),
+        steps=sum(arrays.columns),
     )
     return hits
 
@@ -93,6 +94,7 @@ def shade_surface(
         *(_float4(paint.colour), _float4(paint.background)),
         *(np.int32(len(paint.offsets)), session.upload(paint.offsets), hits),
         *(*arrays.arguments(), pixels),
+        steps=SIDE**2 * (2 * WINDOW + 1) ** 3,
     )
     return pixels
 

@@ -41,7 +41,7 @@ def prefix_sum(
 
     def run(name: str, items: int, *arguments: cla.Array | np.generic) -> None:
         kernel = session.kernel("scan/prefix_sum.cl", name, GROUP=group, RUN=RUN, RESULT=bits)
-        session.run(kernel, items, *arguments, group=group)
+        session.run(kernel, items, *arguments, group=group, steps=RUN)
 
     run("sum_chunks", items, np.uint64(count), counts, totals)
     run("scan_sums", group, np.uint64(chunks), totals)

@@ -360,6 +360,39 @@ def test_hostile_models(tmp_path: Path, content: bytes, capsys: pytest.CaptureFi
     assert "model" in fails(capsys, "mesh", path, "-o", tmp_path / "a.ply")
 
 
+@pytest.mark.parametrize(
+    ("text", "count"), [("700000", 700_000), ("700k", 700_000), ("0.7M", 700_000), ("1g", 10**9)]
+)
+def test_memory_budget(ball: Path, text: str, count: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What is written is what the library is given."""
+    given = []
+    voxelize = clvox.voxelize
+
+    def note(*arguments: Any, memory_budget: int | None, **options: Any) -> Any:
+        given.append(memory_budget)
+        return voxelize(*arguments, memory_budget=memory_budget, **options)
+
+    monkeypatch.setattr(clvox, "voxelize", note)
+    assert main(["voxelize", str(ball), "-r", "16", "--memory-budget", text]) == 0
+    assert given == [count]
+
+
+@pytest.mark.parametrize("text", ["", "much", "1.5x", "M", "inf", "nan"])
+def test_memory_budgets_that_are_none(
+    ball: Path, text: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit):
+        main(["voxelize", str(ball), "-r", "16", "--memory-budget", text])
+    assert "bytes such as 500000, 200M or 1.5G are expected" in capsys.readouterr().err
+
+
+def test_too_small_a_memory_budget(ball: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    said = fails(capsys, "voxelize", ball, "-r", "512", "--memory-budget", "100k")
+    assert "512 x 512 x 512 voxels need" in said
+    assert "would fit" in said
+    assert "positive" in fails(capsys, "voxelize", ball, "-r", "16", "--memory-budget", "-1")
+
+
 def test_outputs_are_looked_at_first(
     ball: Path,
     tmp_path: Path,
@@ -467,8 +500,9 @@ def test_ctrl_c(
 def test_ctrl_c_in_a_process_of_its_own(ball: Path, shell: Shell) -> None:
     """The interpreter, too, leaves without a word."""
     script = (
-        "import os, signal, sys\nimport clvox.models.build as build\nfrom clvox.cli import main\n"
-        "build.rank_cells = lambda *_: os.kill(os.getpid(), signal.SIGINT)\n"
+        "import os, signal, sys\nimport clvox.models.construct as construct\n"
+        "from clvox.cli import main\n"
+        "construct.rank_cells = lambda *_: os.kill(os.getpid(), signal.SIGINT)\n"
         f"sys.exit(main(['voxelize', {str(ball)!r}, '-r', '64', '-o', 'a.npz']))\n"
     )
     done = shell("-c", script)

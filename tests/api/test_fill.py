@@ -12,7 +12,7 @@ import pytest
 import trimesh
 
 import clvox
-from clvox.models.build import Fill
+from clvox.models.construct import Fill
 from clvox.models.levels import Levels
 
 LEVELS: dict[int, Levels | None] = {
@@ -129,12 +129,12 @@ def test_winding_needs_an_oriented_mesh() -> None:
 
 
 def test_an_unknown_fill_is_refused_with_the_known_ones() -> None:
-    known = "'parity', 'nonzero', 'positive', 'surface', got 'odd'"
+    known = "'parity', 'nonzero', 'positive', 'vote', 'winding', 'surface', got 'odd'"
     with pytest.raises(clvox.GridError, match=known):
         clvox.voxelize(PAIRS["balls"][0], grid=GRID, fill="odd")  # type: ignore[arg-type]
 
 
-@pytest.mark.parametrize("fill", ["parity", "nonzero", "surface"])
+@pytest.mark.parametrize("fill", ["parity", "nonzero", "vote", "winding", "surface"])
 def test_progress_comes_to_its_end(fill: Fill) -> None:
     mesh = PAIRS["balls"][0] + PAIRS["balls"][1]
     told: list[tuple[int, int]] = []

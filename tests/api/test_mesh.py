@@ -390,7 +390,8 @@ def test_open_mesh_says_where() -> None:
     with pytest.raises(NotClosedError) as caught:
         surface.require_closed()
     assert str(caught.value) == (
-        f"{text}. A solid needs a closed surface; trimesh.repair.fill_holes may close it."
+        f'{text}. A solid needs a closed surface; fill="winding" or fill="vote" guesses one, '
+        "trimesh.repair.fill_holes may close it."
     )
     with pytest.raises(NotClosedError):
         surface.require_oriented()

@@ -76,3 +76,15 @@ def sample(session: Session, seed: int, shape: Shape, brick: Shape | None) -> Sa
     )
     marks = session.upload(pack_bricks(edges.bricks))
     return Sample(model.to_array(), edges.to_array(), model, arrays, marks)
+
+
+def assert_same_arrays(one: VoxelArrays, other: VoxelArrays) -> None:
+    """Bit for bit, down to which cells have bricks."""
+    assert one.levels == other.levels
+    for a, b in zip(_arrays_of(one), _arrays_of(other), strict=True):
+        np.testing.assert_array_equal(a.get(), b.get())
+
+
+def _arrays_of(arrays: VoxelArrays) -> list[cla.Array]:
+    """All that is kept on the device."""
+    return [each for each in arrays.arguments() if isinstance(each, cla.Array)]

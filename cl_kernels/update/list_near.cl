@@ -1,0 +1,52 @@
+/*
+ * update/list_near.cl: the triangles that may touch one of some marked cells.
+ *
+ * Where a triangle left a cell, another one may still touch it.  Only those near the cells that
+ * were left need to be marked again, and most triangles are ruled out by their box alone.
+ *
+ * Host:       clvox/ops/update.py, list_near()
+ * Reference:  clvox/reference/update.py, list_near()
+ * Tests:      tests/kernels/test_update.py
+ * Defines:    STEP_BITS               log2 of the lattice steps in one voxel
+ *             CELL_X, CELL_Y, CELL_Z  sides of a cell, in voxels
+ *             MOST                    cells of a box that are looked at; larger boxes are listed
+ */
+#include "boundary/overlap.h"
+
+/* One work-item looks at one triangle.
+ * first, last: corners, on the lattice, of a box that holds all marked cells.
+ * grid: shape of the grid of cells.  faces: (m, 3) int32, vertices: (n, 3) int32, on the lattice.
+ * marks: a bit per cell, rows padded to words.
+ * listed: (1,) uint32, zero on entry: how many are on the list.
+ * list: (m, 3) int32, the vertex numbers of those triangles, in no particular order. */
+__kernel void list_near(
+    const ulong count, const int4 first, const int4 last, const int4 grid,
+    const __global int *restrict faces, const __global int *restrict vertices,
+    const __global uint *restrict marks, __global uint *listed, __global int *restrict list)
+{
+    const ulong triangle = get_global_id(0);
+    if (triangle >= count) return;
+    const int3 numbers = vload3(triangle, faces);
+    const int3 a = corner_of(vertices, numbers.x);
+    const int3 b = corner_of(vertices, numbers.y);
+    const int3 c = corner_of(vertices, numbers.z);
+    const int3 low = min(min(a, b), c);
+    const int3 high = max(max(a, b), c);
+    if (any(low > last.xyz) || any(high < first.xyz)) return;
+    const int3 side = CELL_SIDES;
+    const int3 from = max(
+        (int3)(first_touched(low.x, side.x), first_touched(low.y, side.y),
+               first_touched(low.z, side.z)), (int3)(0));
+    const int3 to = min(
+        (int3)(last_touched(high.x, side.x), last_touched(high.y, side.y),
+               last_touched(high.z, side.z)), grid.xyz - 1);
+    if (to.x < from.x || to.y < from.y || to.z < from.z) return;
+    const int3 sides = to - from + 1;
+    bool near = (ulong)sides.x * sides.y * sides.z > MOST;
+    const int row_words = (grid.x + 31) / 32;
+    for (int z = from.z; z <= to.z && !near; ++z)
+        for (int y = from.y; y <= to.y && !near; ++y)
+            for (int x = from.x; x <= to.x && !near; ++x)
+                near = marks[((ulong)z * grid.y + y) * row_words + x / 32] >> (x % 32) & 1;
+    if (near) vstore3(numbers, (ulong)atomic_inc(listed), list);
+}

@@ -1,0 +1,151 @@
+"""Voxels by generalised winding number are those of the twin, but for rounding about a half."""
+
+from __future__ import annotations
+
+from collections import Counter
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from clvox.grid import Shape, Triple
+from clvox.ops.facets import upload_facets
+from clvox.ops.layout import cell_shape
+from clvox.ops.winding import LIST_BYTES, classify_cells, fill_winding, upload_rim
+from clvox.reference import fill as reference
+from clvox.reference.winding import samples, winding_numbers
+from tests.kernels.cases import INTERPRETED, soup
+from tests.kernels.test_vote import BITS, LEVELS, SHAPE, every_level, opened, voxels_of
+from tests.strategies import BALL, FAMILIES, Mesh, adversarial_meshes, closed_meshes
+
+if TYPE_CHECKING:
+    from clvox.device import Session
+
+CLOSE = 1e-4
+"""Winding numbers that differ from a half by less may be on either side of it."""
+
+STEPS: list[Triple] = [(1.0, 1.0, 1.0), (0.5, 2.0, 1.0)]
+
+
+def rim_of(mesh: Mesh) -> NDArray[np.int32]:
+    """The edges that are used more often one way, as often as they are; (n, 2, 3)."""
+    vertices, faces = mesh
+    uses: Counter[tuple[int, int]] = Counter()
+    for corners in faces.tolist():
+        for a, b in zip(corners, corners[1:] + corners[:1], strict=True):
+            uses[a, b] += 1
+            uses[b, a] -= 1
+    edges = [edge for edge, net in uses.items() for _ in range(net)]
+    return vertices.astype(np.int32)[np.array(edges, dtype=np.intp).reshape(-1, 2)]
+
+
+def by_winding(
+    session: Session,
+    mesh: Mesh,
+    levels: str,
+    step: Triple = STEPS[0],
+    list_bytes: int = LIST_BYTES,
+) -> NDArray[np.bool_]:
+    facets = upload_facets(session, mesh[0].astype(np.int32), mesh[1])
+    rim = upload_rim(session, rim_of(mesh), step)
+    arrays = fill_winding(session, facets, rim, BITS, SHAPE, LEVELS[levels], list_bytes=list_bytes)
+    return voxels_of(session, arrays)
+
+
+def assert_by_winding(found: NDArray[np.bool_], mesh: Mesh, step: Triple = STEPS[0]) -> None:
+    """The voxels found are those of the twin, wherever it is sure."""
+    points = samples(SHAPE, BITS)
+    winding = winding_numbers(*mesh, points, step)
+    sure = (np.abs(winding - 0.5) > CLOSE) & ~on_edges(mesh, points)
+    np.testing.assert_array_equal(found.ravel()[sure], winding[sure] > 0.5)
+
+
+def on_edges(mesh: Mesh, points: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Which points lie on an edge: a sum of angles in float64 has no limit there."""
+    vertices, faces = mesh
+    found = np.zeros(len(points), np.bool_)
+    for corners in faces:
+        for start, end in zip(vertices[corners], vertices[np.roll(corners, 1)], strict=True):
+            across = np.cross(end - start, points - start)
+            along = ((points - start) * (points - end)).sum(axis=1)
+            found |= ~across.any(axis=1) & (along <= 0)
+    return found
+
+
+@every_level
+@given(mesh=closed_meshes(BITS, SHAPE), kept=st.integers(1, 16), step=st.sampled_from(STEPS))
+def test_voxels_are_those_of_the_twin(
+    session: Session, levels: str, mesh: Mesh, kept: int, step: Triple
+) -> None:
+    part = opened(mesh, kept)
+    assert_by_winding(by_winding(session, part, levels, step), part, step)
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_voxels_are_those_of_the_twin_in_every_family(session: Session, family: str) -> None:
+    for mesh in adversarial_meshes(41, 1 if INTERPRETED else 3, BITS, SHAPE, families=[family]):
+        part = opened(mesh, 12)
+        assert_by_winding(by_winding(session, part, "bricks of 8"), part)
+
+
+def test_triangles_that_share_nothing_wind_too(session: Session) -> None:
+    mesh = soup(42, 4 if INTERPRETED else 40, BITS, SHAPE)
+    for levels in ("dense", "small bricks"):
+        assert_by_winding(by_winding(session, mesh, levels), mesh)
+
+
+@given(mesh=closed_meshes(BITS, SHAPE))
+def test_on_a_closed_mesh_it_is_the_positive_rule(session: Session, mesh: Mesh) -> None:
+    found = by_winding(session, mesh, "small bricks")
+    np.testing.assert_array_equal(found, reference.fill(*mesh, BITS, SHAPE, "positive"))
+
+
+def test_a_small_budget_changes_nothing(session: Session) -> None:
+    mesh = opened(adversarial_meshes(43, 1, BITS, SHAPE, families=["ball"])[0], 12)
+    expected = by_winding(session, mesh, "small bricks")
+    np.testing.assert_array_equal(by_winding(session, mesh, "small bricks", list_bytes=1), expected)
+
+
+def test_far_from_the_rim_crossings_alone_decide(session: Session) -> None:
+    """Half of all cells and more have a threshold, which is right for each of their voxels."""
+    shape, side = (SHAPE, 2) if INTERPRETED else ((48, 48, 48), 4)
+    part = ball_with_a_hole(shape)
+    rim = upload_rim(session, rim_of(part), STEPS[0])
+    facets = upload_facets(session, part[0].astype(np.int32), part[1])
+    cells, thresholds = classify_cells(session, facets, rim, BITS, shape, (side, side, side))
+    found = thresholds.get()
+    assert found.shape == cell_shape(shape, (side, side, side))[::-1]
+    assert 0 < np.count_nonzero(found == -32768) < found.size / 2
+    assert cells.count < found.size
+    signs = reference.winding_numbers(*part, BITS, shape, "y").ravel()
+    k, j, i = np.indices(shape[::-1]).reshape(3, -1) // side
+    threshold = found[k, j, i]
+    known = np.flatnonzero(threshold != -32768)[::7]
+    winding = winding_numbers(*part, samples(shape, BITS)[known])
+    np.testing.assert_array_equal(signs[known] >= threshold[known], winding > 0.5)
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_above_the_rim_jumps_across_the_curtain_are_counted(session: Session, axis: int) -> None:
+    """Most voxels there are decided from one sample of their word, by the jumps on the way."""
+    shape: Shape = (8, 9, 7) if INTERPRETED else (48, 48, 48)
+    part = ball_with_a_hole(shape, axis)
+    facets = upload_facets(session, part[0].astype(np.int32), part[1])
+    rim = upload_rim(session, rim_of(part), STEPS[1])
+    levels = cell_shape(shape, (8, 8, 8)), (8, 8, 8)
+    found = voxels_of(session, fill_winding(session, facets, rim, BITS, shape, levels)).ravel()
+    some = slice(None, None, 3)
+    winding = winding_numbers(*part, samples(shape, BITS)[some], STEPS[1])
+    sure = np.abs(winding - 0.5) > CLOSE
+    np.testing.assert_array_equal(found[some][sure], winding[sure] > 0.5)
+
+
+def ball_with_a_hole(shape: Shape, axis: int = 1) -> Mesh:
+    """A ball in the middle of a grid, without its lowest triangle along an axis."""
+    vertices, faces = BALL
+    lowest = vertices[faces].mean(axis=1)[:, axis].argmin()
+    place = np.rint((vertices * 0.4 + 0.5) * shape * (1 << BITS)).astype(np.int64)
+    return place, np.delete(faces, lowest, axis=0)
