@@ -49,6 +49,7 @@ def examine(
         runs,
         *(np.uint64(frame.rays), crossings.offsets, pieces.offsets, pieces.depth),
         *(depth, deepest, odd, length, thinnest),
+        steps=RUN,
     )
     depths, lengths = depth.get(), length.get()
     most, least = int(depths.argmax()), int(lengths.argmin())
@@ -75,6 +76,7 @@ def sum_moments(session: Session, frame: Frame, pieces: CrossingLists) -> tuple[
         runs,
         *(np.uint64(frame.rays), np.int32(frame.across[0]), frame.box[0]),
         *(pieces.offsets, pieces.depth, sums),
+        steps=RUN,
     )
     halves = sums.get()
     # Fewer than 2**32 runs: sums of their 32-bit quarters do not overflow.

@@ -111,7 +111,8 @@ def used_meshes(session: Session, lists: CrossingLists, starts: Sequence[int]) -
         kernel = session.kernel("dexels/renumber.cl", "mark_meshes", RUN=RUN)
         meshes = np.uint32(len(starts)), session.upload(np.array(starts, np.uint64))
         ends = np.uint64(lists.count)
-        session.run(kernel, -(-lists.count // RUN), ends, *meshes, lists.side, used)
+        items = -(-lists.count // RUN)
+        session.run(kernel, items, ends, *meshes, lists.side, used, steps=RUN)
     return [bool(mark) for mark in used.get().tolist()]
 
 
@@ -123,7 +124,8 @@ def renumber(
         kernel = session.kernel("dexels/renumber.cl", "renumber", RUN=RUN)
         ends = np.uint64(lists.count)
         items = -(-lists.count // RUN)
-        session.run(kernel, items, ends, *_moved(session, renumbering), lists.side)
+        meshes = _moved(session, renumbering)
+        session.run(kernel, items, ends, *meshes, lists.side, steps=RUN)
 
 
 def make_rows(

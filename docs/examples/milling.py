@@ -1,6 +1,6 @@
 """Mill a part's outline out of its blank: moves, what they take, and pictures.
 
-    python milling.py [--moves 200] [--resolution 200] [--out milling.png]
+    python milling.py [--moves 100] [--resolution 80] [--out milling.png]
 
 The blank is the box around the part.  A ball end mill goes over it in lines, level by level, and
 never below the part: the tip follows the highest place of the part below the cutter.  Then what is
@@ -55,8 +55,8 @@ def picture(model: clvox.DexelModel) -> Image.Image:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.split("\n", maxsplit=1)[0])
     parser.add_argument("mesh", nargs="?", default="part.stl")
-    parser.add_argument("--moves", type=int, default=200)
-    parser.add_argument("--resolution", type=int, default=120)
+    parser.add_argument("--moves", type=int, default=100)
+    parser.add_argument("--resolution", type=int, default=80)
     parser.add_argument("--out", default="milling.png")
     options = parser.parse_args()
     mesh = clvox.load(options.mesh)

@@ -1,6 +1,6 @@
 """How far the surface of a triple dexel model lies from the surface it was made of.
 
-    python triple_dexel_accuracy.py [--finest 64] [--fineness 6] [--out triple_dexel_accuracy.png]
+    python triple_dexel_accuracy.py [--finest 32] [--fineness 5] [--out triple_dexel_accuracy.png]
 
 A sphere, a torus and a part; voxels along the longest side from 16 on, doubling.  Distances are
 taken both ways, in the longest side: the largest (Hausdorff) and the root of the mean square.
@@ -142,8 +142,8 @@ def draw(series: dict[str, list[Row]]) -> Image.Image:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.split("\n", maxsplit=1)[0])
-    parser.add_argument("--finest", type=int, default=64, help="most voxels along a side")
-    parser.add_argument("--fineness", type=int, default=6, help="of the sphere and the torus")
+    parser.add_argument("--finest", type=int, default=32, help="most voxels along a side")
+    parser.add_argument("--fineness", type=int, default=5, help="of the sphere and the torus")
     parser.add_argument("--out", default="triple_dexel_accuracy.png")
     options = parser.parse_args()
     folder = os.environ.get("CLVOX_DATA")

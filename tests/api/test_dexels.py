@@ -437,6 +437,26 @@ def test_odd_rays_are_told_with_their_triangles() -> None:
     assert report.odd_triangles == tuple(sorted(set(model.triangles[first:-1].tolist())))
 
 
+def test_a_budget_is_kept_or_refused() -> None:
+    model = dexelize(PARTS[0], "x")
+    held = model.nbytes
+    needed = model.report.peak_nbytes
+    assert held < needed
+    same = clvox.dexelize(PARTS[0], grid=GRID, axis="x", lattice_bits=12, memory_budget=needed)
+    assert same == model
+    with pytest.raises(clvox.OutOfMemoryError):
+        clvox.dexelize(PARTS[0], grid=GRID, axis="x", lattice_bits=12, memory_budget=needed // 2)
+
+
+def test_work_may_be_ended_early() -> None:
+    def tell(*_: int) -> None:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        clvox.dexelize(PARTS[0], grid=GRID, progress=tell)
+    assert dexelize(PARTS[0], "z") == dexelize(PARTS[0], "z")
+
+
 def test_arrays_are_read_only() -> None:
     model = dexelize(PARTS[0], "x")
     for name in ("offsets", "depths", "fixed_depths", "triangles", "operands", "signs"):
