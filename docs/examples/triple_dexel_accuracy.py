@@ -25,7 +25,7 @@ import clvox
 
 PART = "parts/nist_machined_part_pmi2_28k.stl.gz"
 COLOURS = [(200, 60, 40), (40, 90, 190), (60, 140, 60)]
-SAMPLES = 20_000
+SAMPLES = 5_000
 
 Distance = Callable[[np.ndarray], np.ndarray]
 Row = tuple[int, float, float]
