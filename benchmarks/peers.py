@@ -188,6 +188,24 @@ def voxelizers() -> list[Voxelizer]:
     return [peer for peer in (ray_caster(), stenciller()) if peer is not None]
 
 
+def union() -> Callable[[Surface, Surface], Any] | None:
+    """Return what makes the union of two meshes by manifold3d, from arrays to arrays."""
+    try:
+        library = import_module("manifold3d")
+    except ImportError as error:
+        MISSING["manifold3d"] = str(error)
+        return None
+
+    def solid(surface: Surface) -> Any:
+        points = np.asarray(surface.vertices, np.float32)
+        return library.Manifold(library.Mesh(points, np.asarray(surface.faces, np.uint32)))
+
+    def run(one: Surface, other: Surface) -> Any:
+        return (solid(one) + solid(other)).to_mesh()
+
+    return run
+
+
 def prefix_sum(session: Session, source: Any, target: Any) -> Callable[[], None] | None:
     """Return what makes pyopencl's exclusive prefix sum of *source* in *target*, and waits."""
     try:
