@@ -196,7 +196,8 @@ __kernel void write_tile(
     const ulong first, const ulong last, const int4 window,
     const __global int *restrict faces, const __global int *restrict vertices,
     const __global ulong *restrict starts, const __global uint *restrict triangles,
-    const ulong total, const __global ulong *restrict row_starts, __global ulong *restrict offsets,
+    const ulong total, const __global ulong *restrict row_starts,
+    __global ulong *restrict offsets,
     __global int *depths, __global uint *sides,
     __global uint *found, __global ulong *restrict list, __global uint *restrict lengths)
 {
