@@ -2,8 +2,9 @@
  * lists/list_tiles.cl: the crossings of each ray, in order, tile by tile.
  *
  * A tile's counts lie in local memory and its part of the lists in a cache, so that each crossing
- * costs no trip to memory.  First the crossings are counted, per ray and per row of a tile; the rows
- * are scanned, in the order of the rays; then the crossings are written, and each ray's sorted.
+ * costs no trip to memory.  First the crossings are counted, per ray and per row of a tile; the
+ * rows are scanned, in the order of the rays; then the crossings are written, and each ray's
+ * sorted.
  *
  * Host:       clvox/ops/lists.py, list_crossings()
  * Reference:  clvox/reference/lists.py, list_crossings()
@@ -79,7 +80,7 @@ static inline void cross(Sink *sink, const int u, const int v, const int depth)
 #include "lists/count_covered.h"
 #endif
 
-/* Do the triangle's edge functions, in units of a voxel, fit an int, one step beyond its box too? */
+/* Do the triangle's edge functions, in units of a voxel, fit an int, also one step beyond? */
 static inline bool is_narrow(const Facet f)
 {
     const int2 low = min(min(f.a.xy, f.b.xy), f.c.xy);
@@ -190,8 +191,8 @@ static inline void sort_row(__global int *depths, __global uint *sides, const ui
  * offsets: (rays + 1,) uint64, per ray from its number of crossings to where they begin; the last
  * entry, undefined on entry, takes the total.
  * depths: int32, sides: triangle * 2 + (1 if the ray goes in), undefined on entry.
- * found: (2,) uint32, zero on entry: rays with more than SHORT crossings, and the most of them; they
- * are not sorted.  list: their numbers; lengths: of crossings, in the same order, which is none. */
+ * found: (2,) uint32, zero on entry: rays with more than SHORT crossings, and the most of them;
+ * they are not sorted.  list: their numbers; lengths: of crossings, in the same order, which is none. */
 __kernel void write_tile(
     const ulong first, const ulong last, const int4 window,
     const __global int *restrict faces, const __global int *restrict vertices,
