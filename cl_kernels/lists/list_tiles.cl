@@ -192,7 +192,8 @@ static inline void sort_row(__global int *depths, __global uint *sides, const ui
  * entry, undefined on entry, takes the total.
  * depths: int32, sides: triangle * 2 + (1 if the ray goes in), undefined on entry.
  * found: (2,) uint32, zero on entry: rays with more than SHORT crossings, and the most of them;
- * they are not sorted.  list: their numbers; lengths: of crossings, in the same order, which is none. */
+ * they are not sorted.  list: their numbers; lengths: of crossings, in the same order, which is
+ * none. */
 __kernel void write_tile(
     const ulong first, const ulong last, const int4 window,
     const __global int *restrict faces, const __global int *restrict vertices,
