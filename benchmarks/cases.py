@@ -23,6 +23,7 @@ from skimage.measure import marching_cubes
 
 import clvox
 from benchmarks import peers
+from benchmarks.dexels import dexels
 from clvox.bench import Contestant, Result, compare, meshes
 from clvox.bench.streaming import compare_with_copy
 from clvox.device import Session
@@ -255,7 +256,7 @@ def streaming(plan: Plan) -> Iterator[Result]:
 
 CASES: dict[str, Case] = {
     case.__name__: case
-    for case in (solid, levels, balance, update, boolean, mesh, scan, contains, streaming)
+    for case in (solid, levels, balance, update, boolean, mesh, dexels, scan, contains, streaming)
 }
 """All cases, by name."""
 

@@ -71,6 +71,24 @@ class RayCaster(Voxelizer):
         """Return *array* as Open3D takes it, not copied."""
         return self.library.core.Tensor.from_numpy(array)
 
+    def list_hits(self, prepared: Any, grid: Grid) -> int:
+        """All hits, sorted by ray and depth, of some rows of rays at a time; how many there are."""
+        nx, ny, _ = grid.shape
+        rows = max(1, RAYS_AT_ONCE // nx)
+        rays = np.empty((rows, nx, 6), np.float32)
+        rays[..., 0] = np.arange(nx) + 0.5
+        rays[..., 2:] = (-1, 0, 0, 1)
+        count = 0
+        for first in range(0, ny, rows):
+            some = rays[: min(rows, ny - first)]
+            some[..., 1] = (np.arange(first, first + len(some)) + 0.5)[:, None]
+            found = prepared.list_intersections(self.tensor(some.reshape(-1, 6)))
+            depth = found["t_hit"].numpy()
+            order = np.lexsort((depth, found["ray_ids"].numpy()))
+            hits = depth[order], found["primitive_ids"].numpy()[order]
+            count += len(hits[0])
+        return count
+
     def voxelize(self, prepared: Any, grid: Grid) -> NDArray[np.uint8]:
         """All hits of some rows of rays at a time; then layer upon layer, on all cores."""
         nx, ny, nz = grid.shape

@@ -28,12 +28,23 @@ from clvox.grid import Grid
 if TYPE_CHECKING:
     from clvox.device import devices
     from clvox.mesh import load
-    from clvox.models import VoxelModel, count_crossings, open, voxelize  # noqa: A004
+    from clvox.models import (
+        Cutter,
+        DexelModel,
+        TripleDexelModel,
+        VoxelModel,
+        count_crossings,
+        dexelize,
+        open,  # noqa: A004
+        voxelize,
+    )
     from clvox.render import render
 
 __all__ = [
     "ClvoxError",
+    "Cutter",
     "DeviceError",
+    "DexelModel",
     "FormatError",
     "Grid",
     "GridError",
@@ -42,10 +53,12 @@ __all__ = [
     "NotClosedError",
     "NotOrientedError",
     "OutOfMemoryError",
+    "TripleDexelModel",
     "VoxelModel",
     "__version__",
     "count_crossings",
     "devices",
+    "dexelize",
     "load",
     "open",
     "render",
@@ -53,9 +66,13 @@ __all__ = [
 ]
 
 _HOMES = {
+    "Cutter": "clvox.models",
+    "DexelModel": "clvox.models",
+    "TripleDexelModel": "clvox.models",
     "VoxelModel": "clvox.models",
     "count_crossings": "clvox.models",
     "devices": "clvox.device",
+    "dexelize": "clvox.models",
     "load": "clvox.mesh",
     "open": "clvox.models",
     "render": "clvox.render",

@@ -148,7 +148,7 @@ class VoxelModel:
         return hash((self.grid, self.count))
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return _restore, (self.to_record(), self.report, self._surfaces)
+        return restore, (self.to_record(), self.report, self._surfaces)
 
     # Combinations
 
@@ -536,23 +536,13 @@ class VoxelModel:
         return VoxelModel(session, self.grid, arrays, self.report, self._surfaces)
 
 
-def load_model(path: str | os.PathLike[str], *, device: DeviceLike = None) -> VoxelModel:
-    """Return the model that `VoxelModel.save` wrote to *path*.
-
-    Raises
-    ------
-    FormatError
-        The file is not such a model, or is damaged.
-    """
-    return _restore(archive.read(path), None, (), device)
-
-
-def _restore(
+def restore(
     record: dict[str, NDArray[Any]],
     report: Report | None,
     surfaces: tuple[tuple[Surface, Lattice], ...],
     device: DeviceLike = None,
 ) -> VoxelModel:
+    """Return the model of arrays that were read."""
     session = open_session(device)
     grid, arrays = archive.unpack(session, record)
     report = report or Report(device=str(session.device))
