@@ -12,7 +12,9 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from importlib.resources import files
+from itertools import product
 from pathlib import Path
+from statistics import median
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -22,6 +24,7 @@ from skimage.measure import marching_cubes
 import clvox
 from benchmarks import frames as pictures
 from benchmarks import peers
+from benchmarks.dexels import dexels
 from clvox.bench import Contestant, Result, compare, meshes
 from clvox.bench.streaming import compare_with_copy
 from clvox.device import Session
@@ -159,13 +162,52 @@ def update(plan: Plan) -> Iterator[Result]:
         yield from _compare(plan, label, ways)
 
 
+def balance(plan: Plan) -> Iterator[Result]:
+    """What a crossing costs, by kind of mesh: all rays along y counted, upload included.
+
+    A cube whose triangles cover all rays, slivers that lie along the axes and turned ones, many
+    small triangles, and all of them side by side.
+    """
+    resolution = plan.pick(4096, 32)
+    for label, shape in meshes.kinds(plan.pick(9, 3)).items():
+        surface = check(shape)
+        grid = clvox.Grid.fit(surface, resolution=resolution)
+        count = partial(clvox.count_crossings, surface, grid=grid, device=plan.session.device)
+        total = float(count().sum(dtype=np.uint64))
+        case = f"balance {resolution}, {label}, {len(surface.faces):,} triangles"
+        for result in _compare(plan, case, [Contestant("clvox", count)]):
+            cost = median(result.cpu_seconds) / total * 1e9
+            yield replace(result, notes={"crossings": total, "CPU ns per crossing": cost})
+
+
+def boolean(plan: Plan) -> Iterator[Result]:
+    """The union of a mesh with a turned and shifted copy, each side's construction included.
+
+    As voxels by clvox, with both voxelized; as a mesh by manifold3d.
+    """
+    one, other = plan.ball, check(meshes.turned(plan.ball.vertices, plan.ball.faces))
+    bounds = np.array([one.bounds, other.bounds])
+    pitch = (bounds[:, 1].max(axis=0) - bounds[:, 0].min(axis=0)).max() / plan.pick(1024, 32)
+    extent = bounds[:, 1].max(axis=0) - bounds[:, 0].min(axis=0)
+    grid = clvox.Grid(bounds[:, 0].min(axis=0), pitch, np.ceil(extent / pitch).astype(int))
+
+    def ours() -> clvox.VoxelModel:
+        return _voxelize(plan, one, grid) | _voxelize(plan, other, grid)
+
+    ways = [Contestant("clvox", ours)]
+    union = peers.union()
+    if union is not None:
+        ways.append(Contestant("manifold3d", partial(union, one, other)))
+    label = f"union of two of {len(one.faces):,} triangles, {max(grid.shape)} voxels wide"
+    yield from _compare(plan, label, ways)
+
+
 def mesh(plan: Plan) -> Iterator[Result]:
     """Voxels to a mesh: from the model, and by scikit-image from its dense array.
 
     Ours ends in a trimesh.Trimesh; theirs in vertices and faces, the array being made before.
     """
-    resolution = plan.pick(512, 24)
-    for label, surface in plan.solids.items():
+    for resolution, (label, surface) in product(plan.pick((512, 1024), (24,)), plan.solids.items()):
         model = _voxelize(plan, surface, clvox.Grid.fit(surface, resolution=resolution))
         # Padded, as ours caps what the grid cuts.
         theirs = partial(marching_cubes, np.pad(model.to_array(), 1), 0.5)
@@ -233,7 +275,11 @@ def frames(plan: Plan) -> Iterator[Result]:
 
 
 CASES: dict[str, Case] = {
-    case.__name__: case for case in (solid, levels, update, mesh, scan, contains, streaming, frames)
+    case.__name__: case
+    for case in (
+        *(solid, levels, balance, update, boolean, mesh, dexels, scan, contains, streaming),
+        frames,
+    )
 }
 """All cases, by name."""
 

@@ -71,6 +71,24 @@ class RayCaster(Voxelizer):
         """Return *array* as Open3D takes it, not copied."""
         return self.library.core.Tensor.from_numpy(array)
 
+    def list_hits(self, prepared: Any, grid: Grid) -> int:
+        """All hits, sorted by ray and depth, of some rows of rays at a time; how many there are."""
+        nx, ny, _ = grid.shape
+        rows = max(1, RAYS_AT_ONCE // nx)
+        rays = np.empty((rows, nx, 6), np.float32)
+        rays[..., 0] = np.arange(nx) + 0.5
+        rays[..., 2:] = (-1, 0, 0, 1)
+        count = 0
+        for first in range(0, ny, rows):
+            some = rays[: min(rows, ny - first)]
+            some[..., 1] = (np.arange(first, first + len(some)) + 0.5)[:, None]
+            found = prepared.list_intersections(self.tensor(some.reshape(-1, 6)))
+            depth = found["t_hit"].numpy()
+            order = np.lexsort((depth, found["ray_ids"].numpy()))
+            hits = depth[order], found["primitive_ids"].numpy()[order]
+            count += len(hits[0])
+        return count
+
     def voxelize(self, prepared: Any, grid: Grid) -> NDArray[np.uint8]:
         """All hits of some rows of rays at a time; then layer upon layer, on all cores."""
         nx, ny, nz = grid.shape
@@ -168,6 +186,24 @@ def stenciller() -> Stenciller | None:
 def voxelizers() -> list[Voxelizer]:
     """Return those that are installed."""
     return [peer for peer in (ray_caster(), stenciller()) if peer is not None]
+
+
+def union() -> Callable[[Surface, Surface], Any] | None:
+    """Return what makes the union of two meshes by manifold3d, from arrays to arrays."""
+    try:
+        library = import_module("manifold3d")
+    except ImportError as error:
+        MISSING["manifold3d"] = str(error)
+        return None
+
+    def solid(surface: Surface) -> Any:
+        points = np.asarray(surface.vertices, np.float32)
+        return library.Manifold(library.Mesh(points, np.asarray(surface.faces, np.uint32)))
+
+    def run(one: Surface, other: Surface) -> Any:
+        return (solid(one) + solid(other)).to_mesh()
+
+    return run
 
 
 def prefix_sum(session: Session, source: Any, target: Any) -> Callable[[], None] | None:

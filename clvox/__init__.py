@@ -29,13 +29,24 @@ if TYPE_CHECKING:
     from clvox.camera import Camera
     from clvox.device import devices
     from clvox.mesh import load
-    from clvox.models import VoxelModel, count_crossings, open, voxelize  # noqa: A004
+    from clvox.models import (
+        Cutter,
+        DexelModel,
+        TripleDexelModel,
+        VoxelModel,
+        count_crossings,
+        dexelize,
+        open,  # noqa: A004
+        voxelize,
+    )
     from clvox.render import Material, render, turntable
 
 __all__ = [
     "Camera",
     "ClvoxError",
+    "Cutter",
     "DeviceError",
+    "DexelModel",
     "FormatError",
     "Grid",
     "GridError",
@@ -45,10 +56,12 @@ __all__ = [
     "NotClosedError",
     "NotOrientedError",
     "OutOfMemoryError",
+    "TripleDexelModel",
     "VoxelModel",
     "__version__",
     "count_crossings",
     "devices",
+    "dexelize",
     "load",
     "open",
     "render",
@@ -59,9 +72,13 @@ __all__ = [
 _HOMES = {
     "Camera": "clvox.camera",
     "Material": "clvox.render",
+    "Cutter": "clvox.models",
+    "DexelModel": "clvox.models",
+    "TripleDexelModel": "clvox.models",
     "VoxelModel": "clvox.models",
     "count_crossings": "clvox.models",
     "devices": "clvox.device",
+    "dexelize": "clvox.models",
     "load": "clvox.mesh",
     "open": "clvox.models",
     "render": "clvox.render",

@@ -6,8 +6,6 @@ compared in full, and edges are sorted by the numbers of their vertices.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,12 +13,7 @@ import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
-BLOCK = 1 << 13
-"""Rows worked on at a time: intermediate arrays stay in the cache, and in memory that is reused;
-larger ones come fresh from the system each time, which costs more than the work on them."""
-
-_SMALL = 1 << 16
-"""Below this many items a second thread costs more than it saves."""
+from clvox._blocks import SMALL, in_blocks, in_halves
 
 
 @dataclass(frozen=True)
@@ -77,13 +70,11 @@ def first_equal(rows: NDArray[Any]) -> NDArray[np.intp] | None:
     # than argsort, and rows of one hash come in the order of their numbers.
     keys = np.empty(count, np.uint64)
 
-    def fill(start: int, stop: int) -> None:
-        for at in range(start, stop, BLOCK):
-            end = min(at + BLOCK, stop)
-            part = _hash(words[at:end])
-            keys[at:end] = (part & ~low) | np.arange(at, end, dtype=np.uint64)
+    def fill(at: int, end: int) -> None:
+        part = _hash(words[at:end])
+        keys[at:end] = (part & ~low) | np.arange(at, end, dtype=np.uint64)
 
-    in_halves(fill, count)
+    in_blocks(fill, count)
     _sort(keys)
     same = np.zeros(count, bool)
     np.equal(keys[1:] >> bits, keys[:-1] >> bits, out=same[1:])
@@ -96,12 +87,10 @@ def first_equal(rows: NDArray[Any]) -> NDArray[np.intp] | None:
 
     clash = np.zeros(count, bool)
 
-    def compare(start: int, stop: int) -> None:
-        for at in range(start, stop, BLOCK):
-            end = min(at + BLOCK, stop)
-            clash[at:end] = (words[at:end] != words.take(first[at:end], axis=0)).any(axis=1)
+    def compare(at: int, end: int) -> None:
+        clash[at:end] = (words[at:end] != words.take(first[at:end], axis=0)).any(axis=1)
 
-    in_halves(compare, count)
+    in_blocks(compare, count)
     if clash.any():
         # Different rows, equal hashes: everything that shares such a hash is sorted in full.
         bad = np.zeros(count, bool)
@@ -207,25 +196,23 @@ def _edge_keys(triangles: NDArray[np.int32], count: int) -> tuple[NDArray[np.int
     bits, spare = _widths(count)
     low = np.int64((1 << min(bits, spare)) - 1)
     keys = np.empty((3, len(triangles)), np.int64)
-    flaws = [False, False]
+    flaws: list[bool] = []
 
-    def fill(start: int, stop: int) -> None:
-        for at in range(start, stop, BLOCK):
-            end = min(at + BLOCK, stop)
-            corners = triangles[at:end].T.astype(np.int64, order="C")
-            # The fields are put in place before they are compared: that changes no order.
-            lower, higher = corners << np.int64(bits + spare), corners << np.int64(spare)
-            thirds = corners & low
-            for p, q, r in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
-                ahead = corners[q] - corners[p]
-                if not ahead.all():
-                    flaws[int(start > 0)] = True
-                ahead &= _BACKWARD  # what is left is the sign
-                ahead |= np.minimum(lower[p], lower[q])
-                ahead |= np.maximum(higher[p], higher[q])
-                np.bitwise_or(ahead, thirds[r], out=keys[p, at:end])
+    def fill(at: int, end: int) -> None:
+        corners = triangles[at:end].T.astype(np.int64, order="C")
+        # The fields are put in place before they are compared: that changes no order.
+        lower, higher = corners << np.int64(bits + spare), corners << np.int64(spare)
+        thirds = corners & low
+        for p, q, r in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+            ahead = corners[q] - corners[p]
+            if not ahead.all():
+                flaws.append(True)
+            ahead &= _BACKWARD  # what is left is the sign
+            ahead |= np.minimum(lower[p], lower[q])
+            ahead |= np.maximum(higher[p], higher[q])
+            np.bitwise_or(ahead, thirds[r], out=keys[p, at:end])
 
-    in_halves(fill, len(triangles))
+    in_blocks(fill, len(triangles))
     return keys.reshape(-1), any(flaws)
 
 
@@ -244,20 +231,18 @@ def _is_simple(keys: NDArray[np.int64], count: int) -> bool:
     if backward[-1] >= 0 or forward[0] < 0:
         return False
     rest = np.int64(_widths(count)[1])
-    flaws = [False, False]
+    flaws: list[bool] = []
 
-    def compare(start: int, stop: int) -> None:
-        for at in range(start, stop, BLOCK):
-            end = min(at + BLOCK, stop)
-            there = forward[at:end]
-            apart = there ^ backward[at:end] ^ _BACKWARD
-            after = forward[at + 1 : end + 1]
-            again = (after ^ there[: len(after)]) >> rest
-            if (apart >> rest).any() or not apart.all() or not again.all():
-                flaws[int(start > 0)] = True
-                return
+    def compare(at: int, end: int) -> None:
+        there = forward[at:end]
+        apart = there ^ backward[at:end] ^ _BACKWARD
+        after = forward[at + 1 : end + 1]
+        again = (after ^ there[: len(after)]) >> rest
+        if (apart >> rest).any() or not apart.all() or not again.all():
+            flaws.append(True)
+            return
 
-    in_halves(compare, half)
+    in_blocks(compare, half)
     return not any(flaws)
 
 
@@ -303,22 +288,10 @@ def _flawed_edges(
 # --- two threads --------------------------------------------------------------------------------
 
 
-def in_halves(work: Callable[[int, int], None], count: int) -> None:
-    """Call *work* for both halves of range(count) at once; NumPy lets go of the interpreter."""
-    if count < _SMALL:
-        work(0, count)
-        return
-    half = count // 2
-    with ThreadPoolExecutor(1) as other:
-        second = other.submit(work, half, count)
-        work(0, half)
-        second.result()
-
-
 def _sort(keys: NDArray[Any]) -> None:
     """Sort in place."""
     count = len(keys)
-    if count < _SMALL:
+    if count < SMALL:
         keys.sort()
         return
     keys.partition(count // 2)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Literal, TypeAlias
@@ -11,6 +10,7 @@ from typing import Any, Literal, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from clvox._blocks import in_blocks
 from clvox.errors import GridError
 
 Axis: TypeAlias = Literal["x", "y", "z"]
@@ -23,9 +23,6 @@ MAX_SPAN = 2**24
 MAX_BITS = 14
 MIN_BITS = 7
 """Most and fewest bits that a voxel's width may have on the lattice."""
-
-_SNAP_PART = 1 << 15
-"""Points that are snapped at once: their buffer stays in the processor's cache."""
 
 MAX_SHAPE = MAX_SPAN >> MIN_BITS
 """Most voxels along an axis: more could not be told apart on the coarsest lattice."""
@@ -164,15 +161,20 @@ class Grid:
         if where.ndim != 2 or where.shape[1] != 3:
             raise GridError(f"points must have the shape (n, 3), got {where.shape}")
         cells = np.empty(where.shape, dtype=np.int32)
-        held = np.ones(len(where), dtype=np.bool_)
-        for axis in range(3):
-            with np.errstate(invalid="ignore", over="ignore"):
-                along = np.floor((where[:, axis] - self.origin[axis]) / self.spacing[axis])
-                inside = (along >= 0) & (along < self.shape[axis])
-                cells[:, axis] = along
-            held &= inside
-        if not held.all():
-            cells[~held] = -1
+
+        def part(start: int, stop: int) -> None:
+            held = np.ones(stop - start, dtype=np.bool_)
+            for axis in range(3):
+                with np.errstate(invalid="ignore", over="ignore"):
+                    along = where[start:stop, axis] - self.origin[axis]
+                    along /= self.spacing[axis]
+                    np.floor(along, out=along)
+                    held &= (along >= 0) & (along < self.shape[axis])
+                    cells[start:stop, axis] = along
+            if not held.all():
+                cells[start:stop][~held] = -1
+
+        in_blocks(part, len(where))
         return cells
 
     def centers(self, indices: ArrayLike) -> NDArray[np.float64]:
@@ -265,13 +267,7 @@ class Lattice:
             np.rint(buffer, out=buffer)
             steps[start:stop] = buffer
 
-        spans = [(start, start + _SNAP_PART) for start in range(0, len(where), _SNAP_PART)]
-        if len(spans) == 1:
-            part(*spans[0])
-        elif spans:
-            # NumPy lets go of the interpreter, so the parts really run side by side.
-            with ThreadPoolExecutor() as pool:
-                list(pool.map(part, *zip(*spans, strict=True)))
+        in_blocks(part, len(where))
         return steps
 
 

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import trimesh
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 
 def sphere(subdivisions: int = 8) -> trimesh.Trimesh:
@@ -48,6 +50,41 @@ def trefoil(along: int = 360, around: int = 31, radius: float = 0.4) -> trimesh.
     a, b, c, d = here, next_ring, np.roll(next_ring, -1, axis=1), np.roll(here, -1, axis=1)
     faces = np.stack([a, c, b, a, d, c], axis=-1).reshape(-1, 3)
     return trimesh.Trimesh(vertices, faces, process=False)
+
+
+def drum(sections: int = 10_000) -> trimesh.Trimesh:
+    """Return a cylinder of 4 * sections slivers: fans at both ends, and strips around it."""
+    made: trimesh.Trimesh = trimesh.creation.cylinder(radius=1.0, height=2.0, sections=sections)
+    return made
+
+
+def turned(vertices: ArrayLike, faces: ArrayLike) -> trimesh.Trimesh:
+    """Return a mesh turned about an axis that is none of the grid's, and shifted by a third."""
+    points = np.asarray(vertices)
+    rotation: Any = trimesh.transformations.rotation_matrix
+    turn = rotation(1.1, (1.0, 2.0, 0.5))[:3, :3]
+    return trimesh.Trimesh(
+        points @ turn.T + np.ptp(points, axis=0).max() / 3, np.asarray(faces), process=False
+    )
+
+
+def kinds(subdivisions: int = 9) -> dict[str, trimesh.Trimesh]:
+    """Return meshes that differ in the size and the form of their triangles, by name.
+
+    The finest sphere has 20 * 4**subdivisions triangles: 5,242,880 by default.
+    """
+    box = trimesh.creation.box((2.0, 2.0, 2.0))
+    found = {
+        "large triangles (cube)": box,
+        "medium triangles (bumpy sphere)": bumpy_sphere(subdivisions - 4),
+        "small triangles (bumpy sphere)": bumpy_sphere(subdivisions - 1),
+        "smallest triangles (bumpy sphere)": bumpy_sphere(subdivisions),
+        "slivers (drum)": drum(),
+        "slivers (drum, turned)": turned(drum().vertices, drum().faces),
+    }
+    parts = (found["small triangles (bumpy sphere)"], drum(), box)
+    placed = [part.copy().apply_translation((3.0 * n, 0, 0)) for n, part in enumerate(parts)]
+    return {**found, "mixture": trimesh.util.concatenate(placed)}
 
 
 def _unit(vectors: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -71,6 +71,10 @@ def _command(name: str) -> Command:
         from clvox.cli.demo import demo
 
         return demo
+    if name == "dexelize":
+        from clvox.cli.dexelize import dexelize
+
+        return dexelize
     from clvox.cli import commands
 
     return commands.COMMANDS[name]

@@ -19,6 +19,8 @@ def parse(argv: Sequence[str] | None) -> argparse.Namespace:
     """Return the options; leave with status 2 and a word on the usage if they make no sense."""
     parser = _parser()
     options = parser.parse_args(argv)
+    if options.command == "dexelize" and options.thickness and options.axis == "xyz":
+        parser.error("--thickness is of rays along one axis; --axis xyz has three")
     if options.command in ("voxelize", "mesh", "render"):
         saved = options.file.endswith(".npz")
         asked = [options.resolution, options.pitch, options.levels]
@@ -73,6 +75,31 @@ def _parser() -> argparse.ArgumentParser:
     )
     _file(mesh, model=True)
     _output(mesh, ".ply, .stl or .obj")
+
+    dexelize = verbs.add_parser(
+        "dexelize", parents=[common, device], help="make dexels of a closed mesh"
+    )
+    _file(dexelize)
+    size = dexelize.add_mutually_exclusive_group(required=True)
+    _resolution(size)
+    dexelize.add_argument(
+        "--axis",
+        choices=("x", "y", "z", "xyz"),
+        default="z",
+        help="direction of the rays; xyz makes a triple dexel; z if not given",
+    )
+    dexelize.add_argument(
+        "--fill",
+        choices=("parity", "nonzero", "positive"),
+        default="parity",
+        help="what is inside, where bodies overlap above all; parity if not given",
+    )
+    _output(dexelize, ".npz", required=False)
+    dexelize.add_argument(
+        "--thickness",
+        metavar="PNG",
+        help="draw how much of each ray is inside: white is the most, black is nothing",
+    )
 
     render = verbs.add_parser(
         "render", parents=[common, device, voxels], help="make voxels, and a picture of them"

@@ -54,8 +54,8 @@ def doctor(_: argparse.Namespace, console: Console) -> None:
 
 def info(options: argparse.Namespace, console: Console) -> None:
     """Tell what a mesh is like; an open one is no error here."""
-    mesh = _load(options.file, console)
-    surface = _check(mesh, console)
+    mesh = load_mesh(options.file, console)
+    surface = check_mesh(mesh, console)
     resolution = options.resolution
     if options.pitch is None and resolution is None:
         resolution = INFO_RESOLUTION
@@ -175,9 +175,11 @@ def model_of(
     if file.endswith(".npz"):
         with console.stage("open"):
             model = clvox.open(file, device=options.device)
+        if not isinstance(model, clvox.VoxelModel):
+            raise clvox.FormatError(f"{file} holds dexels; voxels are expected here")
     else:
-        loaded = _load(file, console)
-        _check(loaded, console)
+        loaded = load_mesh(file, console)
+        check_mesh(loaded, console)
         with console.stage("voxelize"), console.bar("voxelize") as progress:
             model = clvox.voxelize(
                 loaded,
@@ -283,7 +285,8 @@ def grid_in_words(grid: clvox.Grid) -> str:
     return f"{_shape(grid.shape)} voxels of {width}"
 
 
-def _load(file: str, console: Console) -> trimesh.Trimesh:
+def load_mesh(file: str, console: Console) -> trimesh.Trimesh:
+    """Return the mesh of a file."""
     # Before the clock starts: what takes long in a small file is loading trimesh.
     from clvox.mesh import load
 
@@ -291,7 +294,8 @@ def _load(file: str, console: Console) -> trimesh.Trimesh:
         return load(file)
 
 
-def _check(mesh: trimesh.Trimesh, console: Console) -> Surface:
+def check_mesh(mesh: trimesh.Trimesh, console: Console) -> Surface:
+    """Return the mesh checked."""
     from clvox.mesh import check
 
     with console.stage("check"):

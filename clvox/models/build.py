@@ -157,7 +157,7 @@ def voxelize(
     if not names:
         return model
     with session.job(budget, None) as job, timed(session, model.report.seconds, "attributes"):
-        model = model._keeping(names)  # noqa: SLF001 - the models' own module
+        model = model._keeping(names)
     peak = max(model.report.peak_nbytes, job.peak_nbytes)
     return replace(model, report=replace(model.report, peak_nbytes=peak))
 

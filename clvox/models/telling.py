@@ -37,14 +37,14 @@ class Told:
 
 
 @contextmanager
-def drawn(*, progress: bool | Progress | None) -> Iterator[Progress | None]:
+def drawn(*, progress: bool | Progress | None, verb: str = "voxelize") -> Iterator[Progress | None]:
     """Whom to tell of progress: the caller's function, a bar, or nobody."""
     if not isinstance(progress, bool):
         yield progress
     elif not progress:
         yield None
     else:
-        with tqdm(unit=" triangles", unit_scale=True, desc="voxelize") as bar:
+        with tqdm(unit=" triangles", unit_scale=True, desc=verb) as bar:
 
             def tell(done: int, total: int) -> None:
                 bar.total = total

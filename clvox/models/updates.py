@@ -9,7 +9,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from clvox._weld import BLOCK, in_halves
+from clvox._blocks import in_blocks
 from clvox.device import Session
 from clvox.errors import MeshError
 from clvox.grid import Lattice
@@ -197,21 +197,17 @@ def _changed_rows(before: Surface, after: Surface) -> NDArray[np.int8]:
     moved = np.zeros(len(before.vertices), np.bool_)
     differ = np.zeros(len(before.faces), np.int8)
 
-    def compare(start: int, stop: int) -> None:
-        for at in range(start, stop, BLOCK):
-            end = min(at + BLOCK, stop)
-            apart = before.vertices[at:end] != after.vertices[at:end]
-            moved[at:end] = apart[:, 0] | apart[:, 1] | apart[:, 2]
+    def compare(at: int, end: int) -> None:
+        apart = before.vertices[at:end] != after.vertices[at:end]
+        moved[at:end] = apart[:, 0] | apart[:, 1] | apart[:, 2]
 
-    def look_up(start: int, stop: int) -> None:
-        for at in range(start, stop, BLOCK):
-            end = min(at + BLOCK, stop)
-            faces = after.faces[at:end]
-            apart = (before.faces[at:end] != faces) | moved.take(faces)
-            differ[at:end] = apart[:, 0] | apart[:, 1] | apart[:, 2]
+    def look_up(at: int, end: int) -> None:
+        faces = after.faces[at:end]
+        apart = (before.faces[at:end] != faces) | moved.take(faces)
+        differ[at:end] = apart[:, 0] | apart[:, 1] | apart[:, 2]
 
-    in_halves(compare, len(moved))
-    in_halves(look_up, len(differ))
+    in_blocks(compare, len(moved))
+    in_blocks(look_up, len(differ))
     return differ
 
 

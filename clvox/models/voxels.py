@@ -198,7 +198,7 @@ class VoxelModel:
 
     def __reduce__(self) -> tuple[Any, ...]:
         record = self.to_record()
-        return _restore, (record, self.report, self._surfaces, None, self.attributes)
+        return restore, (record, self.report, self._surfaces, None, self.attributes)
 
     # Combinations
 
@@ -683,24 +683,14 @@ class VoxelModel:
         return VoxelModel(session, self.grid, arrays, self.report, self._surfaces)
 
 
-def load_model(path: str | os.PathLike[str], *, device: DeviceLike = None) -> VoxelModel:
-    """Return the model that `VoxelModel.save` wrote to *path*.
-
-    Raises
-    ------
-    FormatError
-        The file is not such a model, or is damaged.
-    """
-    return _restore(archive.read(path), None, (), device)
-
-
-def _restore(
+def restore(
     record: dict[str, NDArray[Any]],
     report: Report | None,
     surfaces: tuple[tuple[Surface, Lattice], ...],
     device: DeviceLike = None,
     attributes: tuple[Attribute, ...] = (),
 ) -> VoxelModel:
+    """Return the model of arrays that were read."""
     session = open_session(device)
     grid, arrays = archive.unpack(session, record)
     report = report or Report(device=str(session.device))

@@ -9,17 +9,27 @@ import numpy as np
 import pyopencl.array as cla
 from numpy.typing import NDArray
 
-from clvox.device import Session
+from clvox.device import GROUP, Session
+from clvox.device.session import Argument
 from clvox.grid import Shape
 from clvox.ops import crossings
 from clvox.ops.crossings import Window, fraction_bits
-from clvox.ops.facets import Facets, Mesh
+from clvox.ops.facets import Facets, Mesh, visit_facets
 from clvox.ops.scan import prefix_sum
 
 SHORT = 32
 """Longest row that one work-item sorts."""
 
 CROSSINGS_PER_LAUNCH = 1 << 22
+TILES_PER_LAUNCH = 1 << 12
+
+DIRECT = 16
+"""Most tiles of a triangle that one work-item does alone."""
+
+LARGEST_SIDE, SMALLEST_SIDE, MOST_TILES = 64, 8, 256
+"""Rays along the side of a tile; a small bundle has smaller tiles, so that there are many."""
+
+_COUNT, _EMIT = 0, 3
 
 
 class Rows(NamedTuple):
@@ -90,24 +100,121 @@ def list_crossings(
     shape: Shape,
     axis: int,
     *,
-    direct: int = crossings.DIRECT,
-    tile: int = crossings.TILE,
+    direct: int = DIRECT,
+    side: int | None = None,
     short: int = SHORT,
+    group: int | None = None,
 ) -> CrossingLists:
-    """Return the crossings of every ray along *axis* of a grid of *shape* voxels."""
+    """Return the crossings of every ray along *axis* of a grid of *shape* voxels.
+
+    direct, side, short, group: most tiles of a triangle that one work-item does, rays along the
+    side of a tile, longest row that one work-item sorts, work-items to a tile.  The result does
+    not depend on them.
+    """
     window = Window.whole(shape, axis)
-    rows = sort_crossings(
-        session, facets, bits, axis, window, direct=direct, tile=tile, short=short
-    )
-    assert rows is not None
-    count = rows.crossings.size
-    depth, side = session.empty(count, np.int32), session.empty(count, np.int32)
-    kernel = session.kernel("lists/split_rows.cl", "split_rows")
-    for first in range(0, count, CROSSINGS_PER_LAUNCH):
-        last = min(first + CROSSINGS_PER_LAUNCH, count)
-        span = np.uint64(first), np.uint64(last)
-        session.run(kernel, last - first, *span, rows.crossings, depth, side)
-    return CrossingLists(rows.offsets, depth, side, fraction_bits(bits))
+    side = side or _side_of(window)
+    group = group or (1 if session.device.kind == "cpu" else GROUP)
+    starts, triangles = bin_triangles(session, facets, bits, axis, window, side, direct)
+    tiles = starts.size - 1
+    along, slow = sorted_sides(window, axis)
+    rows = session.empty(slow * -(-along // side), np.uint32)
+    offsets = session.empty(window.rays + 1, np.uint64)
+    defines = {"AXIS": axis, "STEP_BITS": bits, "FRACTION_BITS": fraction_bits(bits)}
+    defines |= {"SIDE": side, "SHORT": short, "GROUP": group}
+    inputs = facets.faces, facets.vertices, starts, triangles
+
+    def run(name: str, sink: int, *outputs: Argument) -> None:
+        kernel = session.kernel("lists/list_tiles.cl", name, SINK=sink, **defines)
+        for first in range(0, tiles, TILES_PER_LAUNCH):
+            last = min(first + TILES_PER_LAUNCH, tiles)
+            span = np.uint64(first), np.uint64(last), window.box
+            session.run(kernel, (last - first) * group, *span, *inputs, *outputs, group=group)
+
+    run("count_tile", _COUNT, rows, offsets)
+    row_starts, total = prefix_sum(session, rows, bits=64)
+    depth, sides = session.empty(total, np.int32), session.empty(total, np.int32)
+    room = max(1, min(window.rays, total // (short + 1)))
+    found = session.zeros(2, np.uint32)
+    listed, lengths = session.empty(room, np.uint64), session.zeros(room + 1, np.uint32)
+    lists, long_rows = (offsets, depth, sides), (found, listed, lengths)
+    run("write_tile", _EMIT, np.uint64(total), row_starts, *lists, *long_rows)
+    if total:
+        _sort_long(session, lists, int(found.get()[0]), listed, lengths, short)
+    return CrossingLists(offsets, depth, sides, fraction_bits(bits))
+
+
+def bin_triangles(
+    session: Session,
+    facets: Facets,
+    bits: int,
+    axis: int,
+    window: Window,
+    side: int,
+    direct: int = DIRECT,
+) -> tuple[cla.Array, cla.Array]:
+    """Return the triangles that each tile of *side* by *side* rays may meet.
+
+    Returns
+    -------
+    starts : (tiles + 1,) uint64
+        Where the triangles of each tile begin; tiles are numbered along v first.
+    triangles : uint32
+        In no particular order within a tile.
+    """
+    tiles = -(-window.sides[0] // side) * -(-window.sides[1] // side)
+    counts = session.zeros(tiles + 1, np.uint32)
+    defines = {"AXIS": axis, "STEP_BITS": bits, "SIDE": side, "DIRECT": direct}
+    file = "lists/bin_triangles.cl"
+    visit_facets(session, file, "bin", facets, window.box, (counts,), defines | {"PASS": 0})
+    starts, pairs = prefix_sum(session, counts, bits=64)
+    triangles = session.empty(pairs, np.uint32)
+    if pairs:
+        bins = starts, counts, triangles
+        visit_facets(session, file, "bin", facets, window.box, bins, defines | {"PASS": 1})
+    return starts, triangles
+
+
+def sorted_sides(window: Window, axis: int) -> tuple[int, int]:
+    """Rays along the axis in which neighbours follow, and along the other one."""
+    along_u, along_v = window.sides
+    return (along_v, along_u) if axis == 1 else (along_u, along_v)
+
+
+def _side_of(window: Window) -> int:
+    """Rays along the side of a tile: few enough that all of a device has work."""
+    side = LARGEST_SIDE
+    while side > SMALLEST_SIDE and window.rays < MOST_TILES * side * side:
+        side //= 2
+    return side
+
+
+def _sort_long(
+    session: Session,
+    lists: tuple[cla.Array, cla.Array, cla.Array],
+    entries: int,
+    listed: cla.Array,
+    lengths: cla.Array,
+    short: int,
+) -> None:
+    """Sort the rows on the list, which no work-item could sort alone, by way of a copy."""
+    if not entries:
+        return
+    # The entry after the last is zero, so that its sum is where the last row ends.
+    starts, total = prefix_sum(session, lengths[: entries + 1], bits=64)
+    rows = session.empty(total, np.int64)
+
+    def move(back: int) -> None:
+        kernel = session.kernel("lists/move_rows.cl", "move_rows", BACK=back)
+        offsets, depth, side = lists
+        for first in range(0, total, CROSSINGS_PER_LAUNCH):
+            last = min(first + CROSSINGS_PER_LAUNCH, total)
+            span = np.uint64(first), np.uint64(last), np.uint32(entries)
+            places = offsets, listed, starts
+            session.run(kernel, last - first, *span, *places, depth, side, rows)
+
+    move(0)
+    sort_rows(session, starts, rows, short=short)
+    move(1)
 
 
 def sort_crossings(

@@ -73,7 +73,8 @@ def carry(
         columns = cells.finer.shape
         target = solid.inside, solid.middle_inside, doubts
         walks = int4(columns), *span, *flips, *target
-        session.run(kernel, columns[0] * slab.layers, *model, *walks, steps=columns[1])
+        rows = cells.shape[0] * words_for(cells.brick[0]) * slab.layers
+        session.run(kernel, rows, *model, *walks, steps=cells.brick[0] * columns[1])
     disagreements, odd_rays = doubts.get().tolist()
     return solid._replace(
         disagreements=solid.disagreements + disagreements, odd_rays=solid.odd_rays + odd_rays

@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from clvox import _weld
+from clvox import _blocks, _weld
 from clvox import mesh as module
 from clvox.errors import MeshError, NotClosedError, NotOrientedError
 from clvox.mesh import Surface, check
@@ -363,8 +363,9 @@ def test_large_mesh_takes_the_same_way_as_a_small_one(monkeypatch: pytest.Monkey
     vertices, faces = soup(mesh.vertices, mesh.faces)
     faces = np.concatenate([faces[20:], faces[30:40]])
     expected = check((vertices, faces))
-    monkeypatch.setattr(_weld, "_SMALL", 16)
-    monkeypatch.setattr(_weld, "BLOCK", 100)
+    monkeypatch.setattr(_weld, "SMALL", 16)
+    monkeypatch.setattr(_blocks, "SMALL", 16)
+    monkeypatch.setattr(_blocks, "BLOCK", 100)
     monkeypatch.setattr(module, "BLOCK", 100)
     found = check((vertices, faces))
     np.testing.assert_array_equal(found.faces, expected.faces)

@@ -16,7 +16,7 @@ from clvox.ops.facets import Facets, upload_facets
 from clvox.ops.lists import CrossingLists, list_crossings, sort_crossings, sort_rows
 from clvox.reference import lists as twin
 from clvox.reference.crossings import AXES, crossings
-from tests.kernels.cases import INTERPRETED
+from tests.kernels.cases import INTERPRETED, meshes_for, some
 from tests.strategies import BOX, FAMILIES, Mesh, adversarial_meshes, closed_meshes, join
 
 if TYPE_CHECKING:
@@ -99,19 +99,53 @@ def test_touching_boxes_meet_at_one_depth_in_the_order_of_their_triangles(sessio
         np.testing.assert_array_equal(sign, [[1, *inner, -1]] * 4)
 
 
-def test_tiles_short_rows_and_windows_change_nothing(session: Session) -> None:
-    sizes = [(10**4, 32, 1), (1, 2, 1), (4, 3, 2)]
-    if INTERPRETED:
-        # Oclgrind's check for uninitialised values crashes in the kernel that counts tiles.
-        sizes = sizes[:1]
+@every_axis
+@pytest.mark.parametrize(
+    "group, side, direct, short", [(1, 3, 16, 2), (4, 2, 1, 32), (64, 8, 2, 1)]
+)
+def test_tiles_groups_and_short_rows_change_nothing(
+    session: Session, axis: Axis, group: int, side: int, direct: int, short: int
+) -> None:
+    for mesh in meshes_for(8, 8, 9, SHAPE):
+        facets = upload(session, mesh)
+        expected = twin.list_crossings(*mesh, 9, SHAPE, axis, 16)
+        found = list_crossings(
+            session, facets, 9, SHAPE, AXES[axis],
+            direct=direct, side=side, short=short, group=group,
+        )  # fmt: skip
+        assert_same(found, expected)
+
+
+@every_axis
+@pytest.mark.parametrize("shape", [(1, 1, 1), (33, 2, 40), (31, 65, 3), (2, 32, 64)], ids=str)
+def test_tiles_end_where_the_grid_does(session: Session, axis: Axis, shape: Shape) -> None:
+    for mesh in adversarial_meshes(9, 2 if INTERPRETED else 6, 8, shape, ["ball", "crumpled"]):
+        found = list_crossings(session, upload(session, mesh), 8, shape, AXES[axis])
+        assert_same(found, twin.list_crossings(*mesh, 8, shape, axis, fraction_bits(8)))
+
+
+@every_axis
+def test_flat_and_steep_triangles_of_every_size_are_listed(session: Session, axis: Axis) -> None:
+    """At the limits up to which edge functions fit 32 bits, and depths one division."""
+    w = AXES[axis]
+    rng = np.random.default_rng(w)
+    for _ in range(some(40)):
+        # Around all rays, of any area, and up to all of the lattice in depth.
+        radius, turn = np.exp2(rng.uniform(12, 22)), rng.uniform(0, 2 * np.pi)
+        angle = turn + np.arange(3) * (2 * np.pi / 3)
+        depth = rng.uniform(-(2**23), 2**23, 3)
+        places = [radius * np.cos(angle), radius * np.sin(angle), depth]
+        spots = np.empty((3, 3), np.int64)
+        spots[:, [(w + 1) % 3, (w + 2) % 3, w]] = np.rint(places).T
+        mesh = spots, np.array([[0, 1, 2]], np.int32)
+        found = list_crossings(session, upload(session, mesh), 7, SHAPE, w)
+        assert_same(found, twin.list_crossings(*mesh, 7, SHAPE, axis, 14))
+
+
+def test_windows_have_the_crossings_of_their_rays(session: Session) -> None:
     for mesh in adversarial_meshes(8, 3 if INTERPRETED else 15, 9, SHAPE):
         facets = upload(session, mesh)
         expected = twin.list_crossings(*mesh, 9, SHAPE, "y", 16)
-        for direct, tile, short in sizes:
-            found = list_crossings(
-                session, facets, 9, SHAPE, 1, direct=direct, tile=tile, short=short
-            )
-            assert_same(found, expected)
         for window in (Window(1, 2, 3, 6), Window(3, 0, 4, 1)):
             rows = sort_crossings(session, facets, 9, 1, window)
             assert rows is not None

@@ -1,0 +1,105 @@
+/*
+ * lists/bin_triangles.cl: the triangles that each tile of rays may meet.
+ *
+ * A tile is SIDE by SIDE rays.  Triangles are counted per tile, the counts scanned, and the numbers
+ * of the triangles written, in no particular order: what is made of them is sorted.
+ *
+ * Host:       clvox/ops/lists.py, bin_triangles()
+ * Reference:  clvox/reference/lists.py, list_crossings()
+ * Tests:      tests/kernels/test_lists.py
+ * Defines:    AXIS       axis of the rays: 0, 1 or 2
+ *             STEP_BITS  log2 of the lattice steps in one voxel
+ *             SIDE       rays along the side of a tile
+ *             PASS       0: COUNT, 1: WRITE
+ *             DIRECT     most tiles of a triangle that one work-item does alone
+ *             RUN, EDGE_BITS, TILE  of clvox/ops/facets.py; only RUN is read
+ */
+#include "common/entries.h"
+#include "common/index.h"
+#include "common/rays.h"
+
+#define COUNT 0
+#define WRITE 1
+
+/* counts: (tiles,) uint32; zero on entry to COUNT, and on return from WRITE.
+ * starts: where each tile's triangles begin; triangles: uint32. */
+#if PASS == COUNT
+#define BINS_PARAMETERS __global uint *counts
+#define BINS counts
+#else
+#define BINS_PARAMETERS \
+    const __global ulong *starts, __global uint *counts, __global uint *triangles
+#define BINS starts, counts, triangles
+#endif
+
+static inline void put(BINS_PARAMETERS, const uint tile, const uint triangle)
+{
+#if PASS == COUNT
+    atomic_inc(counts + tile);
+#else
+    triangles[starts[tile] + (atomic_dec(counts + tile) - 1)] = triangle;
+#endif
+}
+
+/* The tiles (first u, first v, last u, last v) of the triangle's box. */
+static inline int4 tiles_below(const int4 box)
+{
+    return (int4)(box.x / SIDE, box.y / SIDE, box.z / SIDE, box.w / SIDE);
+}
+
+/* Number of a tile; tiles are numbered along v first. */
+static inline uint tile_number(const int4 window, const int u, const int v)
+{
+    return (uint)u * (uint)(window.w / SIDE + 1) + (uint)v;
+}
+
+/* One work-item does RUN triangles in a row, those of few tiles; the others it lists.
+ * window: the rays, from (0, 0) on.  The rest as for cast_direct. */
+__kernel void bin_direct(
+    const ulong first, const ulong last, const int4 window,
+    const __global int *restrict faces, const __global int *restrict vertices,
+    __global uint *listed, __global uint *list, BINS_PARAMETERS)
+{
+    const ulong start = first + get_global_id(0) * RUN;
+    for (ulong triangle = start; triangle < min(start + RUN, last); ++triangle) {
+        const Facet f = load_facet(faces, vertices, triangle);
+        const int4 box = ray_box(f, window);
+        if (f.area == 0 || box_is_empty(box)) continue;
+        const int4 tiles = tiles_below(box);
+        if ((long)(tiles.z - tiles.x + 1) * (tiles.w - tiles.y + 1) > DIRECT) {
+            list[atomic_inc(listed)] = (uint)triangle;
+            continue;
+        }
+        for (int u = tiles.x; u <= tiles.z; ++u) {
+            for (int v = tiles.y; v <= tiles.w; ++v)
+                put(BINS, tile_number(window, u, v), (uint)triangle);
+        }
+    }
+}
+
+/* One work-item counts the tiles of one listed triangle. */
+__kernel void count_tiles(
+    const uint entries, const int4 window,
+    const __global int *restrict faces, const __global int *restrict vertices,
+    const __global uint *restrict list, __global uint *restrict tiles)
+{
+    const uint id = get_global_id(0);
+    if (id >= entries) return;
+    const int4 below = tiles_below(ray_box(load_facet(faces, vertices, list[id]), window));
+    tiles[id] = (uint)(below.z - below.x + 1) * (uint)(below.w - below.y + 1);
+}
+
+/* One work-item does one tile of one listed triangle. */
+__kernel void bin_tiles(
+    const ulong first, const ulong last, const uint entries, const int4 window,
+    const __global int *restrict faces, const __global int *restrict vertices,
+    const __global uint *restrict list, const __global ulong *restrict offsets, BINS_PARAMETERS)
+{
+    const ulong pair = first + get_global_id(0);
+    if (pair >= last) return;
+    const uint item = entry_of(offsets, entries, pair);
+    const int4 below = tiles_below(ray_box(load_facet(faces, vertices, list[item]), window));
+    ulong number = pair - offsets[item];
+    const int v = below.y + take_place(&number, below.w - below.y + 1);
+    put(BINS, tile_number(window, below.x + (int)number, v), list[item]);
+}

@@ -1,0 +1,259 @@
+/*
+ * lists/list_tiles.cl: the crossings of each ray, in order, tile by tile.
+ *
+ * A tile's counts lie in local memory and its part of the lists in a cache, so that each crossing
+ * costs no trip to memory.  First the crossings are counted, per ray and per row of a tile; the
+ * rows are scanned, in the order of the rays; then the crossings are written, and each ray's
+ * sorted.
+ *
+ * Host:       clvox/ops/lists.py, list_crossings()
+ * Reference:  clvox/reference/lists.py, list_crossings()
+ * Tests:      tests/kernels/test_lists.py
+ * Defines:    AXIS           axis of the rays: 0, 1 or 2
+ *             STEP_BITS      log2 of the lattice steps in one voxel
+ *             FRACTION_BITS  of the depths
+ *             SINK           0: COUNT, 3: EMIT
+ *             SIDE           rays along the side of a tile
+ *             SHORT          longest row of crossings that one work-item sorts
+ *             GROUP          work-items that do a tile; 1 does without atomic operations
+ */
+#include "common/index.h"
+#include "common/rays.h"
+
+#define COUNT 0
+#define EMIT 3
+#define RAYS (SIDE * SIDE)
+
+/* Neighbours in a row of rays follow along `fast`: x before y before z. */
+#if AXIS == 1
+#define FAST_OF(u, v) (v)
+#define SLOW_OF(u, v) (u)
+#else
+#define FAST_OF(u, v) (u)
+#define SLOW_OF(u, v) (v)
+#endif
+
+#if GROUP == 1
+#define NEXT(counter) ((*(counter))++)
+#else
+#define NEXT(counter) atomic_inc(counter)
+#endif
+
+/* next: per ray of the tile, its crossings so far, from the place of its first in the row on. */
+typedef struct {
+    int fast, slow;
+    __local uint *next;
+#if SINK == EMIT
+    const __local ulong *bases;
+    __global int *depths;
+    __global uint *sides;
+    uint side;
+#endif
+} Sink;
+
+#if SINK == EMIT
+
+/* What the rasterisers hand on: a crossing's depth. */
+static inline void cross(Sink *sink, const int u, const int v, const int depth)
+{
+    const int row = SLOW_OF(u, v) - sink->slow;
+    const uint place = NEXT(sink->next + row * SIDE + (FAST_OF(u, v) - sink->fast));
+    const ulong at = sink->bases[row] + place;
+    sink->depths[at] = depth;
+    sink->sides[at] = sink->side;
+}
+
+#endif
+
+#if SINK == EMIT
+#define EDGE_BITS 64
+#include "crossings/rasterise.h"
+#include "lists/rasterise_quick.h"
+#else
+#define EDGE int
+#define COUNT_COVERED count_narrow
+#include "lists/count_covered.h"
+#undef EDGE
+#undef COUNT_COVERED
+#define EDGE long
+#define COUNT_COVERED count_wide
+#include "lists/count_covered.h"
+#endif
+
+/* Do the triangle's edge functions, in units of a voxel, fit an int, also one step beyond? */
+static inline bool is_narrow(const Facet f)
+{
+    const int2 low = min(min(f.a.xy, f.b.xy), f.c.xy);
+    const int2 high = max(max(f.a.xy, f.b.xy), f.c.xy);
+    const long2 side = convert_long2(high - low);
+    return ((side.x * side.y) >> STEP_BITS) + side.x + side.y < (long)INT_MAX - 16;
+}
+
+/* The rays (first u, first v, last u, last v) of a tile. */
+static inline int4 tile_window(const int4 window, const ulong tile)
+{
+    ulong number = tile;
+    const int v = take_place(&number, window.w / SIDE + 1) * SIDE;
+    const int u = (int)number * SIDE;
+    return (int4)(u, v, min(u + SIDE - 1, window.z), min(v + SIDE - 1, window.w));
+}
+
+/* All crossings of the tile's rays with the tile's triangles, into the sink. */
+static inline void cast_tile(
+    Sink *sink, const int4 rays, const __global int *faces, const __global int *vertices,
+    const __global uint *triangles, const ulong first, const ulong last)
+{
+#if SINK == EMIT
+    Found found;
+    found.count = 0;
+#endif
+    for (ulong at = first + get_local_id(0); at < last; at += GROUP) {
+        const Facet f = load_facet(faces, vertices, triangles[at]);
+        const int4 box = ray_box(f, rays);
+#if SINK == EMIT
+        sink->side = triangles[at] << 1 | f.flipped;
+        if (is_narrow(f) && is_quick(f)) {
+            rasterise_quick(sink, f, box);
+        } else {
+            rasterise(sink, &found, f, box);
+            drain(&found, sink);
+        }
+#else
+        if (is_narrow(f)) count_narrow(sink, f, box);
+        else count_wide(sink, f, box);
+#endif
+    }
+}
+
+#if SINK == COUNT
+
+/* One group counts the crossings of one tile.
+ * first, last: tiles.  window: all rays.  starts: (tiles + 1,) uint64, where each tile's entries of
+ * `triangles` begin.
+ * rows: (rays along slow, tiles along fast) uint32, crossings of each row of each tile, undefined
+ * on entry.  offsets: per ray, takes its number of crossings for now. */
+__kernel void count_tile(
+    const ulong first, const ulong last, const int4 window,
+    const __global int *restrict faces, const __global int *restrict vertices,
+    const __global ulong *restrict starts, const __global uint *restrict triangles,
+    __global uint *restrict rows, __global ulong *restrict offsets)
+{
+    __local uint next[RAYS];
+    const ulong tile = first + get_global_id(0) / GROUP;
+    const bool live = tile < last;
+    for (int ray = get_local_id(0); ray < RAYS; ray += GROUP) next[ray] = 0;
+    barrier(CLK_LOCAL_MEM_FENCE);
+    const int4 rays = tile_window(window, live ? tile : first);
+    Sink sink;
+    sink.fast = FAST_OF(rays.x, rays.y);
+    sink.slow = SLOW_OF(rays.x, rays.y);
+    sink.next = next;
+    if (live) cast_tile(&sink, rays, faces, vertices, triangles, starts[tile], starts[tile + 1]);
+    barrier(CLK_LOCAL_MEM_FENCE);
+    if (!live) return;
+    const int along = FAST_OF(window.z, window.w) + 1;
+    const int count = FAST_OF(rays.z, rays.w) - sink.fast + 1;
+    const int tiles_along = (along - 1) / SIDE + 1;
+    for (int row = get_local_id(0); row <= SLOW_OF(rays.z, rays.w) - sink.slow; row += GROUP) {
+        const ulong slow = sink.slow + row;
+        __global ulong *counts = offsets + slow * along + sink.fast;
+        uint sum = 0;
+        for (int ray = 0; ray < count; ++ray) {
+            counts[ray] = next[row * SIDE + ray];
+            sum += next[row * SIDE + ray];
+        }
+        rows[slow * tiles_along + sink.fast / SIDE] = sum;
+    }
+}
+
+#else
+
+/* A ray's crossings in order of depth, triangle and sign. */
+static inline void sort_row(__global int *depths, __global uint *sides, const uint length)
+{
+    for (uint i = 1; i < length; ++i) {
+        const int depth = depths[i];
+        const uint side = sides[i];
+        uint at = i;
+        for (; at > 0; --at) {
+            const int before = depths[at - 1];
+            if (before < depth || (before == depth && sides[at - 1] < side)) break;
+            depths[at] = before;
+            sides[at] = sides[at - 1];
+        }
+        depths[at] = depth;
+        sides[at] = side;
+    }
+}
+
+/* One group writes the crossings of one tile.
+ * total: all crossings.  row_starts: (rows,) uint64, exclusive prefix sum of `rows`.
+ * offsets: (rays + 1,) uint64, per ray from its number of crossings to where they begin; the last
+ * entry, undefined on entry, takes the total.
+ * depths: int32, sides: triangle * 2 + (1 if the ray goes in), undefined on entry.
+ * found: (2,) uint32, zero on entry: rays with more than SHORT crossings, and the most of them;
+ * they are not sorted.  list: their numbers; lengths: of crossings, in the same order, which is
+ * none. */
+__kernel void write_tile(
+    const ulong first, const ulong last, const int4 window,
+    const __global int *restrict faces, const __global int *restrict vertices,
+    const __global ulong *restrict starts, const __global uint *restrict triangles,
+    const ulong total, const __global ulong *restrict row_starts,
+    __global ulong *restrict offsets,
+    __global int *depths, __global uint *sides,
+    __global uint *found, __global ulong *restrict list, __global uint *restrict lengths)
+{
+    __local uint next[RAYS];
+    __local ulong bases[SIDE];
+    const ulong tile = first + get_global_id(0) / GROUP;
+    const bool live = tile < last;
+    const int4 rays = tile_window(window, live ? tile : first);
+    Sink sink;
+    sink.fast = FAST_OF(rays.x, rays.y);
+    sink.slow = SLOW_OF(rays.x, rays.y);
+    sink.next = next;
+    sink.bases = bases;
+    sink.depths = depths;
+    sink.sides = sides;
+    const int along = FAST_OF(window.z, window.w) + 1;
+    const int count = FAST_OF(rays.z, rays.w) - sink.fast + 1;
+    const int height = SLOW_OF(rays.z, rays.w) - sink.slow + 1;
+    const int tiles_along = (along - 1) / SIDE + 1;
+    for (int row = get_local_id(0); live && row < height; row += GROUP) {
+        const ulong slow = sink.slow + row;
+        __global ulong *counts = offsets + slow * along + sink.fast;
+        const ulong base = row_starts[slow * tiles_along + sink.fast / SIDE];
+        uint place = 0;
+        for (int ray = 0; ray < count; ++ray) {
+            const uint length = (uint)counts[ray];
+            counts[ray] = base + place;
+            next[row * SIDE + ray] = place;
+            place += length;
+        }
+        bases[row] = base;
+    }
+    if (tile == 0 && get_local_id(0) == 0)
+        offsets[(ulong)(window.z + 1) * (window.w + 1)] = total;
+    barrier(CLK_LOCAL_MEM_FENCE);
+    if (live) cast_tile(&sink, rays, faces, vertices, triangles, starts[tile], starts[tile + 1]);
+    barrier(CLK_LOCAL_MEM_FENCE | CLK_GLOBAL_MEM_FENCE);
+    if (!live) return;
+    for (int ray = get_local_id(0); ray < height * SIDE; ray += GROUP) {
+        const int row = ray / SIDE;
+        const int at = ray - row * SIDE;
+        if (at >= count) continue;
+        /* What was counted up has come to where the next ray begins. */
+        const uint begin = at ? next[ray - 1] : 0;
+        const uint length = next[ray] - begin;
+        if (length <= SHORT) {
+            sort_row(depths + bases[row] + begin, sides + bases[row] + begin, length);
+        } else {
+            const uint entry = atomic_inc(found);
+            atomic_max(found + 1, length);
+            list[entry] = (ulong)(sink.slow + row) * along + (sink.fast + at);
+            lengths[entry] = length;
+        }
+    }
+}
+
+#endif

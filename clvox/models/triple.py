@@ -1,0 +1,213 @@
+"""The triple dexel model: three bundles of rays through the same voxel centres."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import trimesh
+from numpy.typing import ArrayLike, NDArray
+
+from clvox.device import open_session
+from clvox.grid import Grid
+from clvox.models import archive, dexel_archive
+from clvox.models.dexel_sources import Sources
+from clvox.models.dexel_surface import move_vertices
+from clvox.models.dexels import AXES, DexelModel, DexelReport, from_rays
+from clvox.models.levels import Levels
+from clvox.models.voxels import VoxelModel
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class TripleDexelModel:
+    """A solid as pieces of rays along x, along y and along z.
+
+    The three run through the same voxel centres and agree at each of them.  Made by
+    ``dexelize(axis="xyz")`` and `open`; never changed afterwards.
+
+    Attributes
+    ----------
+    x, y, z : DexelModel
+        The bundles.
+    """
+
+    x: DexelModel
+    y: DexelModel
+    z: DexelModel
+
+    @property
+    def bundles(self) -> tuple[DexelModel, DexelModel, DexelModel]:
+        """The models along x, y and z."""
+        return self.x, self.y, self.z
+
+    @property
+    def grid(self) -> Grid:
+        """The grid whose voxel centres the rays run through."""
+        return self.x.grid
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes of device memory that the three hold."""
+        return sum(model.nbytes for model in self.bundles)
+
+    @property
+    def device(self) -> str:
+        """The device that holds the model."""
+        return self.x.device
+
+    def __repr__(self) -> str:
+        nx, ny, nz = self.grid.shape
+        size = f"{self.nbytes / 1e6:.1f} MB" if self.nbytes >= 1e5 else f"{self.nbytes} bytes"
+        return (
+            f"TripleDexelModel({nx} x {ny} x {nz} voxels' centres, "
+            f"{sum(len(model) for model in self._lists):,} crossings, {size} on {self.device})"
+        )
+
+    def __eq__(self, other: object) -> bool:
+        """Whether all three bundles have the same pieces."""
+        if not isinstance(other, TripleDexelModel):
+            return NotImplemented
+        return self.bundles == other.bundles
+
+    def __hash__(self) -> int:
+        return hash(self.grid)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        reports = [model._built for model in self.bundles]
+        sources = [model._sources for model in self.bundles]
+        return _restore, (self.to_record(), reports, sources)
+
+    # Combinations
+
+    def __or__(self, other: TripleDexelModel) -> TripleDexelModel:
+        """What is inside either model."""
+        return self._combined(other, DexelModel.__or__)
+
+    def __and__(self, other: TripleDexelModel) -> TripleDexelModel:
+        """What is inside both models."""
+        return self._combined(other, DexelModel.__and__)
+
+    def __sub__(self, other: TripleDexelModel) -> TripleDexelModel:
+        """What is inside this model and not the other."""
+        return self._combined(other, DexelModel.__sub__)
+
+    def __xor__(self, other: TripleDexelModel) -> TripleDexelModel:
+        """What is inside exactly one of the models."""
+        return self._combined(other, DexelModel.__xor__)
+
+    def __invert__(self) -> TripleDexelModel:
+        """The grid's box without the model."""
+        return TripleDexelModel(~self.x, ~self.y, ~self.z)
+
+    def moved(self, transform: ArrayLike, *, grid: Grid | None = None) -> TripleDexelModel:
+        """Return the model moved, by way of its mesh: see `DexelModel.moved`."""
+        from clvox.models.dexel_build import remade
+
+        made: TripleDexelModel = remade(self.to_mesh(), transform, grid or self.grid, self)
+        return made
+
+    # Measures, of which the rays along each axis give one
+
+    @property
+    def volume(self) -> float:
+        """Mean of the volumes that the three bundles measure."""
+        return float(np.mean([model.volume for model in self.bundles]))
+
+    @property
+    def center_mass(self) -> NDArray[np.float64]:
+        """Mean of the three centres of mass, (x, y, z) float64; NaN if there is nothing."""
+        center: NDArray[np.float64] = np.mean([m.center_mass for m in self.bundles], axis=0)
+        return center
+
+    @property
+    def moment_inertia(self) -> NDArray[np.float64]:
+        """Mean of the three moments of inertia, (3, 3) float64."""
+        inertia: NDArray[np.float64] = np.mean([m.moment_inertia for m in self.bundles], axis=0)
+        return inertia
+
+    def contains(self, points: ArrayLike) -> NDArray[np.bool_]:
+        """Return whether each point is inside by two of the three bundles at least; (n,) bool."""
+        votes = sum(model.contains(points).astype(np.uint8) for model in self.bundles)
+        inside: NDArray[np.bool_] = np.asarray(votes) >= 2
+        return inside
+
+    # Ways out
+
+    def to_voxels(self, *, levels: Levels | None = None) -> VoxelModel:
+        """Return the voxels whose samples are inside, see `DexelModel.to_voxels`.
+
+        All three bundles have the same ones.
+        """
+        return self.y.to_voxels(levels=levels)
+
+    def to_mesh(self) -> trimesh.Trimesh:
+        """Return the surface, by marching cubes: closed and oriented.
+
+        Each vertex lies where the ray along its edge crosses the surface.  The vertex normals are
+        those of the triangles crossed there, unless the model was read from a file, which has no
+        meshes.
+
+        Returns
+        -------
+        trimesh.Trimesh
+            Without triangles if no sample is inside.
+        """
+        return move_vertices(self.to_voxels().to_mesh(), self.bundles)
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write the model to *path*, a ``.npz`` file, see `DexelModel.save`."""
+        archive.write(path, self.to_record())
+
+    def to_record(self) -> dict[str, NDArray[Any]]:
+        """Return the grid and the arrays of the model, as docs/layouts describes them."""
+        bundles = [
+            dexel_archive.Rays(
+                AXES.index(model.axis),
+                model.fill,
+                model._crossings,
+                [mesh.triangles for mesh in model._sources.meshes],
+            )
+            for model in self.bundles
+        ]
+        return dexel_archive.pack(self.grid, *bundles)
+
+    # Inside
+
+    @property
+    def _lists(self) -> list[range]:
+        return [range(model._crossings.count) for model in self.bundles]
+
+    def _combined(
+        self,
+        other: TripleDexelModel,
+        operation: Callable[[DexelModel, DexelModel], DexelModel],
+    ) -> TripleDexelModel:
+        if not isinstance(other, TripleDexelModel):
+            return NotImplemented
+        x, y, z = map(operation, self.bundles, other.bundles)
+        return TripleDexelModel(x, y, z)
+
+
+def restore_triple(
+    record: dict[str, NDArray[Any]],
+    reports: list[DexelReport | None],
+    sources: list[Sources | None],
+    device: Any = None,
+) -> TripleDexelModel:
+    """Return the model of arrays that were read."""
+    session = open_session(device)
+    grid, bundles = dexel_archive.unpack_triple(session, record)
+    x, y, z = (
+        from_rays(session, grid, rays, report, meshes)
+        for rays, report, meshes in zip(bundles, reports, sources, strict=True)
+    )
+    return TripleDexelModel(x, y, z)
+
+
+def _restore(
+    record: dict[str, NDArray[Any]], reports: list[DexelReport], sources: list[Sources]
+) -> TripleDexelModel:
+    return restore_triple(record, list(reports), list(sources))

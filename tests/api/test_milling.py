@@ -1,0 +1,166 @@
+"""Cutters sweep what they should, and what they take adds up."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import trimesh
+from numpy.typing import NDArray
+
+import clvox
+from clvox import Cutter, DexelModel, Grid, GridError
+
+Floats = NDArray[np.float64]
+
+GRID = Grid((-6.0, -5.0, -2.0), (0.25, 0.2, 0.1), (48, 50, 40))
+CUTTERS = [Cutter.flat(1.3), Cutter.ball(1.3), Cutter.bull(1.3, 0.5), Cutter.bull(1.3, 1.2)]
+MOVES: list[tuple[tuple[float, ...], tuple[float, ...]]] = [
+    ((-3, -2, 0.5), (3, 1, 0.5)),
+    ((-3, -2, 1.0), (2, 3, 0.0)),
+    ((2, 3, -1.5), (-1, 3, 1.5)),
+    ((0, -4, 0.3), (0, 4, 0.9)),
+    ((1, 1, 1), (1, 1, -1)),
+    ((1, 1, 0.5), (1, 1, 0.5)),
+    ((1, 1, 0.5), (1.001, 1, 0.7)),
+    ((-9, -9, 0), (9, 9, 1)),
+]
+
+every_cutter = pytest.mark.parametrize("cutter", CUTTERS, ids=str)
+
+
+def block() -> DexelModel:
+    """A plate with a hollow in it."""
+    outer = trimesh.creation.box(bounds=[(-5, -4, -1.5), (5, 4, 1.5)])
+    inner = trimesh.creation.box(bounds=[(-2, -2, -0.5), (2, 2, 0.5)])
+    inner.invert()
+    return clvox.dexelize(outer + inner, grid=GRID, axis="z")
+
+
+def sampled(cutter: Cutter, start: Floats, stop: Floats, x: Floats, y: Floats) -> Floats:
+    """The lowest place over many places of the tip, each by the definition of the cutter."""
+    lowest = np.full(x.shape, np.inf)
+    for at in np.linspace(0, 1, 3001):
+        tip = start + at * (stop - start)
+        away = np.hypot(x - tip[0], y - tip[1])
+        flat = cutter.radius - cutter.corner
+        rounding = cutter.corner - np.sqrt(np.maximum(cutter.corner**2 - (away - flat) ** 2, 0))
+        height = tip[2] + np.where(away <= flat, 0.0, rounding)
+        lowest = np.minimum(lowest, np.where(away <= cutter.radius, height, np.inf))
+    return lowest
+
+
+@every_cutter
+@pytest.mark.parametrize("move", MOVES, ids=str)
+def test_a_sweep_is_that_of_many_places(
+    cutter: Cutter, move: tuple[tuple[float, ...], tuple[float, ...]]
+) -> None:
+    start, stop = (np.array(end, dtype=np.float64) for end in move)
+    x, y = np.random.default_rng(5).uniform(-5, 5, (2, 400))
+    x[:3], y[:3] = (start[0], stop[0], (start[0] + stop[0]) / 2), (start[1], stop[1], start[1])
+    exact = cutter.lowest(start, stop, x, y)
+    brute = sampled(cutter, start, stop, x, y)
+    reached = np.isfinite(brute)
+    assert np.isfinite(exact[reached]).all()
+    assert (exact[reached] <= brute[reached] + 1e-12).all()
+    # Samples miss the very rim of the cutter, where its side is steep; elsewhere they are close.
+    inner = Cutter(cutter.radius * 0.97, 0.9 * cutter.corner)
+    within = np.isfinite(sampled(inner, start, stop, x, y))
+    assert within.any()
+    step = float(np.linalg.norm(stop - start)) / 3000
+    assert (brute[within] - exact[within]).max() <= 5 * step + 1e-12
+    beyond = Cutter(cutter.radius * 1.01, cutter.corner)
+    assert not np.isfinite(exact[~np.isfinite(sampled(beyond, start, stop, x, y))]).any()
+
+
+@every_cutter
+def test_what_moves_take_adds_up(cutter: Cutter) -> None:
+    model = block()
+    rng = np.random.default_rng(3)
+    path = np.column_stack([rng.uniform(-6, 6, (40, 2)), rng.uniform(-1.8, 2, 40)])
+    whole = model.cut(cutter, path)
+    assert whole.removed.shape == whole.engagement.shape == (39,)
+    assert whole.removed.sum() == pytest.approx(model.volume - whole.model.volume, rel=1e-13)
+    assert (whole.removed >= 0).all()
+    left = model
+    for number in range(39):
+        one = left.cut(cutter, path[number : number + 2])
+        assert one.removed[0] == pytest.approx(left.volume - one.model.volume, abs=1e-12)
+        assert one.removed[0] == whole.removed[number]
+        assert one.engagement[0] == whole.engagement[number]
+        taken = left.thickness() - one.model.thickness()
+        assert one.engagement[0] == pytest.approx(taken.max(), abs=1e-12)
+        left = one.model
+    assert left == whole.model
+    assert (model & whole.model) == whole.model
+
+
+@every_cutter
+def test_rays_end_where_the_cutter_was_lowest(cutter: Cutter) -> None:
+    model = block()
+    start, stop = np.array([-4.0, -1, 0.8]), np.array([3.0, 2, -0.2])
+    cut = model.cut(cutter, [start, stop])
+    k, j, i = 0, *np.divmod(np.arange(50 * 48), 48)
+    centers = GRID.centers(np.stack([i, j, k + 0 * i], axis=1))
+    lowest = cutter.lowest(start, stop, centers[:, 0], centers[:, 1])
+    offsets, _, leave = cut.model.intervals()
+    before, _, whole = model.intervals()
+    unit = GRID.spacing[2] / 2**18
+    for ray in range(len(lowest)):
+        mine = leave[int(offsets[ray]) : int(offsets[ray + 1])]
+        theirs = whole[int(before[ray]) : int(before[ray + 1])]
+        assert (mine <= lowest[ray] + unit).all()
+        if len(theirs) and theirs[-1] <= lowest[ray]:
+            assert mine.tolist() == theirs.tolist()
+
+
+def test_ends_name_the_move_that_made_them() -> None:
+    moves = [(-5, -3, 1), (5, -3, 1), (5, -3, 3), (5, 3, 3), (5, 3, 0.5), (-5, 3, 0.5)]
+    cut = block().cut(Cutter.flat(0.6), moves)
+    made = cut.model.triangles[cut.model.operands == 1]
+    assert set(made.tolist()) == {0, 3, 4}
+    assert cut.removed[1] == cut.removed[2] == 0
+    assert (cut.removed[[0, 3, 4]] > 0).all()
+    assert cut.engagement[0] == pytest.approx(0.5, abs=1e-5)
+    assert cut.engagement[4] == pytest.approx(1.0, abs=1e-5)
+
+
+def test_what_makes_no_sense_is_refused() -> None:
+    with pytest.raises(GridError, match="radius of a cutter must be positive, got 0"):
+        Cutter.flat(0)
+    with pytest.raises(GridError, match="corner of a cutter must be between 0 and its radius"):
+        Cutter.bull(1, 2)
+    model = block()
+    for path in ([(0, 0, 0)], [0, 0, 0], [(0, 0), (1, 1)]):
+        with pytest.raises(GridError, match="a path has the shape"):
+            model.cut(CUTTERS[0], path)
+    with pytest.raises(GridError, match="finite"):
+        model.cut(CUTTERS[0], [(0, 0, np.nan), (1, 1, 1)])
+    sideways = clvox.dexelize(trimesh.creation.box(), resolution=8, axis="x")
+    with pytest.raises(GridError, match="rays must be along z, got x"):
+        sideways.cut(CUTTERS[0], [(0, 0, 0), (1, 1, 1)])
+
+
+@pytest.mark.parametrize("axis", ["z", "xyz"])
+def test_a_model_is_clamped_anew(axis: str) -> None:
+    mesh = trimesh.creation.torus(3.0, 1.0, major_sections=48, minor_sections=24)
+    grid = Grid((-4.5, -4.5, -4.5), 0.15, (60, 60, 60))
+    options = {"grid": grid, "axis": axis}
+    model = clvox.dexelize(mesh, **options)  # type: ignore[call-overload]
+    turn = np.array([[1, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1]], np.float64)
+    found = model.moved(turn)
+    assert type(found) is type(model)
+    assert found.grid == grid
+    expected = clvox.dexelize(mesh.copy().apply_transform(turn), **options)  # type: ignore[call-overload]
+    lost = (found ^ expected).volume / model.volume
+    assert lost < (0.005 if axis == "xyz" else 0.05)
+    assert (found | model).volume > model.volume
+    with pytest.raises(clvox.MeshError, match="nothing to move"):
+        (model - model).moved(turn)
+
+
+def test_moved_models_combine_on_a_coarse_lattice() -> None:
+    grid = Grid((-1, -1, -1), 0.1, (20, 20, 20))
+    model = clvox.dexelize(trimesh.creation.icosphere(), grid=grid, lattice_bits=8)
+    moved = model.moved(np.eye(4))
+    assert moved.fraction_bits == model.fraction_bits
+    assert (moved ^ model).volume < 0.1 * model.volume
