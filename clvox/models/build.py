@@ -60,7 +60,8 @@ def voxelize(
         ``[(N0x, N0y, N0z), (n1x, n1y, n1z)]``: cells of the coarse grid, and voxels in each of
         them, 1 to 64 along a side; a third entry divides those once more.  One entry alone, the
         grid's shape, asks for a dense grid of bits.  By default cells of 8 x 8 x 8 voxels, and
-        once those would number more than 2**27, cells of 8 x 8 x 8 of such cells.
+        once those would number more than 2**27, cells of 8 x 8 x 8 cells of 4 x 4 x 4
+        voxels, which take the fewest bytes.
     fill : "parity", "nonzero", "positive", "vote", "winding" or "surface"
         What is inside where bodies overlap or lie within one another.  "parity": what an odd
         number of surfaces encloses.  "nonzero": what any body encloses, so overlapping bodies

@@ -24,6 +24,9 @@ MOST_SIDE = 64
 BRICK = (8, 8, 8)
 """The bricks of default levels, for which the kernels are fastest."""
 
+SMALL_BRICK = (4, 4, 4)
+"""The bricks of voxels below a level of bricks: those need the fewest bytes."""
+
 
 def resolve_levels(shape: Shape, levels: Levels | None) -> tuple[Shape, ...]:
     """Return the shapes of the levels asked for, or of the default ones, for *shape* voxels.
@@ -34,10 +37,7 @@ def resolve_levels(shape: Shape, levels: Levels | None) -> tuple[Shape, ...]:
         The levels do not hold *shape*, or a brick's side is not between 1 and 64 voxels.
     """
     if levels is None:
-        cells = cell_shape(shape, BRICK)
-        if math.prod(cells) <= MOST_CELLS:
-            return cells, BRICK
-        return cell_shape(cells, BRICK), BRICK, BRICK
+        return _default(shape)
     shapes = _shapes(levels)
     if len(shapes) == 1 and shapes[0] != shape:
         raise GridError(f"one level must have the grid's shape {shape}, got {shapes[0]}")
@@ -52,6 +52,23 @@ def resolve_levels(shape: Shape, levels: Levels | None) -> tuple[Shape, ...]:
             f"{shapes[0]}"
         )
     return shapes
+
+
+def _default(shape: Shape) -> tuple[Shape, ...]:
+    """Two levels, or three as soon as those would have too many coarse cells.
+
+    Of three levels, the smaller the last bricks the fewer bytes there are: all bricks of the
+    surface together grow with their side.
+    """
+    cells = cell_shape(shape, BRICK)
+    if math.prod(cells) <= MOST_CELLS:
+        return cells, BRICK
+    finest = SMALL_BRICK
+    coarse = cell_shape(cell_shape(shape, finest), BRICK)
+    if math.prod(coarse) > MOST_CELLS:
+        finest = BRICK
+        coarse = cell_shape(cells, BRICK)
+    return coarse, BRICK, finest
 
 
 def fill_box(bounds: NDArray[np.float64], levels: Levels) -> Grid:

@@ -6,6 +6,7 @@ Nothing here knows the twins: two programs may share a mistake, a property does 
 from __future__ import annotations
 
 import gc
+import itertools
 import math
 from collections.abc import Callable
 from typing import Any, TypeAlias
@@ -22,6 +23,7 @@ from clvox.device import Session
 from clvox.errors import DeviceError, GridError, MeshError, NotClosedError
 from clvox.grid import Axis, Grid, Shape
 from clvox.mesh import check
+from clvox.models import levels as levels_module
 from tests.strategies import BOX, FAMILIES, Mesh, closed_meshes, join
 
 Points: TypeAlias = NDArray[np.float64]
@@ -333,8 +335,21 @@ def test_a_level_between_where_there_would_be_too_many_cells() -> None:
     assert model.levels == ((1024, 1024, 1), (8, 8, 8))
     flat = Grid((2, 2, 2), 1, (2**15, 2**15, 65))
     model = clvox.voxelize(box((0, 0, 0), (1, 1, 1)), grid=flat)
-    assert model.levels == ((512, 512, 2), (8, 8, 8), (8, 8, 8))
+    assert model.levels == ((1024, 1024, 3), (8, 8, 8), (4, 4, 4))
     assert model.count == 0
+
+
+def test_default_levels_of_three_need_few_bytes(monkeypatch: pytest.MonkeyPatch) -> None:
+    """At most a quarter more than the best of many choices, at a size that a test can do."""
+    ball = trimesh.creation.icosphere(subdivisions=4)
+    monkeypatch.setattr(levels_module, "MOST_CELLS", 1 << 13)
+    grid = Grid.fit(ball, resolution=384)
+    sides = itertools.product((4, 8, 12, 16), (4, 6, 8, 12))
+    choices = [((math.ceil(384 / (a * b)),) * 3, (a,) * 3, (b,) * 3) for a, b in sides]
+    best = min(clvox.voxelize(ball, grid=grid, levels=levels).nbytes for levels in choices)
+    model = clvox.voxelize(ball, grid=grid)
+    assert model.levels[1:] == ((8, 8, 8), (4, 4, 4))
+    assert model.nbytes <= 1.25 * best
 
 
 # --- crossings ----------------------------------------------------------------------------------
