@@ -31,7 +31,7 @@ static inline Lanes start_lanes(__global uint *faces, const int count)
     return lanes;
 }
 
-/* Past cells without bricks, all but those of `touched`; returns the lanes that are inside there. */
+/* Past cells without bricks, all but those of `touched`; returns which lanes are inside there. */
 static inline uint pass_cells(Lanes *lanes, const uint touched)
 {
     for (uint left = lanes->faced & ~touched; left; left &= left - 1) {
