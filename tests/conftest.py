@@ -21,6 +21,10 @@ hypothesis.settings.register_profile(
 hypothesis.settings.register_profile(
     "ci", hypothesis.settings.get_profile("default"), max_examples=200
 )
+# A second compiled implementation, after one that draws all examples.
+hypothesis.settings.register_profile(
+    "second", hypothesis.settings.get_profile("default"), max_examples=20
+)
 # Oclgrind interprets: some thousand times slower, and looking at accesses rather than values.
 hypothesis.settings.register_profile(
     "oclgrind",

@@ -54,7 +54,7 @@ class Implementation:
 # In the order in which they run: the whole suite last, so that its closing line comes last too.
 IMPLEMENTATIONS = {
     "oclgrind": Implementation("Oclgrind", ("tests/kernels",), _oclgrind_driver, "oclgrind"),
-    "intel": Implementation("Intel(R) OpenCL", ("tests/kernels",), _intel_driver, "default"),
+    "intel": Implementation("Intel(R) OpenCL", ("tests/kernels",), _intel_driver, "second"),
     "pocl": Implementation("Portable Computing Language", ("tests",), _no_driver, "default"),
 }
 
