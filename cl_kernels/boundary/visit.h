@@ -61,7 +61,7 @@ static void mark_columns(
  * shadow decides.  a, b, c: its corners, across that axis; box: the columns of the layer. */
 static void mark_layer(
     Sink *sink, const int2 a, const int2 b, const int2 c, const int axis, const int4 box,
-    const int first, const int last, const ulong triangle)
+    const int layer, const ulong triangle)
 {
     const int2 cell = permute(CELL_SIDES, axis).xy;
     const long turn = cross2(a, b, c);
@@ -72,8 +72,7 @@ static void mark_layer(
         for (int j = box.y; j <= box.w; ++j) {
             const int v = j * cell.y - HALF_STEP;
             if (meets(sides[0], u, v) & meets(sides[1], u, v) & meets(sides[2], u, v))
-                for (int k = first; k <= last; ++k)
-                    mark(sink, restore((int3)(i, j, k), axis), triangle);
+                mark(sink, restore((int3)(i, j, layer), axis), triangle);
         }
     }
 }
@@ -108,7 +107,7 @@ static bool mark_triangle(
         const int4 box = (int4)(first.x, first.y, last.x, last.y);
         if (!is_small(box)) return false;
         mark_layer(sink, permute(a, axis).xy, permute(b, axis).xy, permute(c, axis).xy, axis,
-                   box, first.z, last.z, triangle);
+                   box, first.z, triangle);
         return true;
     }
     Solid s;

@@ -14,6 +14,7 @@
  *             EDGE_BITS  32 for cast_direct, 64 for cast_tiles (crossings/rasterise.h)
  *             RUN        triangles in a row that one work-item does directly
  *             DIRECT     most candidate rays of a triangle that is done directly
+ *             FEW        most of a sliver that is
  *             TILE       most rows of a tile (common/tiles.h)
  *             LEVELS, BRICK_*, MIDDLE_*  of the model, for the sink BRICKS (common/bricks.h)
  *             FRACTION_BITS  of the depths, for the sink EMIT
@@ -30,12 +31,6 @@
  * step beyond it below 2^31. */
 #if EDGE_BITS == 32 && DIRECT > 1 << 14
 #error "DIRECT is at most 2^14, so that edge functions fit 32 bits"
-#endif
-
-/* So few candidate rays are tried even if the triangle is a sliver; tests of a sink of their own
- * have all tried. */
-#ifndef FEW
-#define FEW 32
 #endif
 
 /* Does a triangle meet an eighth of its candidate rays, or has few?  Those of slivers are rather

@@ -12,7 +12,7 @@
  *             SIDE       rays along the side of a tile
  *             PASS       0: COUNT, 1: WRITE
  *             DIRECT     most tiles of a triangle that one work-item does alone
- *             RUN, EDGE_BITS, TILE  of clvox/ops/facets.py; only RUN is read
+ *             RUN        triangles in a row that one work-item does
  */
 #include "common/entries.h"
 #include "common/index.h"

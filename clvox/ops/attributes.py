@@ -107,7 +107,7 @@ def sum_normals(
 
     def rank_words(words: cla.Array) -> cla.Array:
         counts = session.empty(words.size, np.uint32)
-        kernel = session.kernel(_SUMS, "count_words", **defines, RUN=1, EDGE_BITS=32)
+        kernel = session.kernel(_SUMS, "count_words", **defines, RUN=1)
         session.run(kernel, words.size, np.uint64(words.size), words, counts)
         return prefix_sum(session, counts)[0]
 
@@ -119,7 +119,7 @@ def sum_normals(
         span = np.uint32(first), np.uint32(last)
         sink = *where, given, *span, sums, lowest
         visit_facets(session, _SUMS, "mark", facets, int4(touched.arrays.shape), sink, defines)
-        kernel = session.kernel(_SUMS, "pack_normals", **defines, RUN=1, EDGE_BITS=32)
+        kernel = session.kernel(_SUMS, "pack_normals", **defines, RUN=1)
         count = last - first
         begin = np.uint64(count), np.uint32(first)
         session.run(kernel, count, *begin, given, sums, lowest, packed)
@@ -157,7 +157,7 @@ def link_faces(
         sink = *touched.tree, found, offsets, rows
         visit_facets(session, _LINKS, "mark", facets, grid, sink, defines | {"EMIT": 1})
         sort_rows(session, offsets, rows)
-        kernel = session.kernel(_LINKS, "take_low", **defines, EMIT=1, RUN=1, EDGE_BITS=32)
+        kernel = session.kernel(_LINKS, "take_low", **defines, EMIT=1, RUN=1)
         session.run(kernel, total, np.uint64(total), rows, faces)
     return offsets, faces
 

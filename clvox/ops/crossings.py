@@ -9,6 +9,7 @@ import pyopencl.array as cla
 from pyopencl import cltypes
 
 from clvox.device import Session
+from clvox.device.session import Argument
 from clvox.grid import Shape
 from clvox.ops.facets import Facets, Mesh, Progress, visit_facets
 from clvox.ops.layout import Bricks, Cells, Slab, words_for
@@ -19,8 +20,11 @@ _COUNT, _DENSE, _BRICKS, _EMIT = 0, 1, 2, 3
 DIRECT = 256
 """Most candidate rays of a triangle that one work-item does alone."""
 
+FEW = 32
+"""Most candidate rays of a sliver that one work-item does alone."""
+
 TILE = 32
-"""Side of a tile of rays."""
+"""Most rows of rays in a tile, which has about as many rays as a square of that side."""
 
 
 def fraction_bits(bits: int) -> int:
@@ -122,8 +126,8 @@ def add_counts(
 
     Rays are numbered along x before y before z.
     """
-    defines = {"AXIS": axis, "STEP_BITS": bits, "SINK": _COUNT, "DIRECT": direct, "TILE": tile}
-    visit_facets(session, _FILE, "cast", facets, window.box, (counts,), defines)
+    defines = _defines(axis, bits, _COUNT, direct, tile)
+    _cast(session, facets, window, (counts,), defines)
 
 
 def emit_crossings(
@@ -144,9 +148,9 @@ def emit_crossings(
     offsets: (rays + 1,) uint64, where the rows begin; counts: as from `add_counts`, zero on return;
     rows: int64, crossings as `clvox.ops.lists.Rows` describes them.
     """
-    defines = {"AXIS": axis, "STEP_BITS": bits, "SINK": _EMIT, "DIRECT": direct, "TILE": tile}
+    defines = _defines(axis, bits, _EMIT, direct, tile)
     defines["FRACTION_BITS"] = fraction_bits(bits)
-    visit_facets(session, _FILE, "cast", facets, window.box, (offsets, counts, rows), defines)
+    _cast(session, facets, window, (offsets, counts, rows), defines)
 
 
 def flip_dense(
@@ -167,10 +171,10 @@ def flip_dense(
     beyond: (nz, words) uint32, flipped for crossings past the last sample.
     """
     nx, ny, _ = shape
-    defines = {"AXIS": 1, "STEP_BITS": bits, "SINK": _DENSE, "DIRECT": direct, "TILE": tile}
+    defines = _defines(1, bits, _DENSE, direct, tile)
     sink = np.int32(ny), np.int32(words_for(nx)), voxels, beyond
     window = Window.whole(shape, 1)
-    visit_facets(session, _FILE, "cast", facets, window.box, sink, defines, progress)
+    _cast(session, facets, window, sink, defines, progress)
 
 
 def flip_bricks(
@@ -189,8 +193,26 @@ def flip_bricks(
     Crossings that no brick can hold go to `bricks.entry`, `bricks.beyond` and `bricks.exits`.
     Rays of the padding are cast like all others.
     """
-    defines = {"AXIS": 1, "STEP_BITS": bits, "SINK": _BRICKS, "DIRECT": direct, "TILE": tile}
+    defines = _defines(1, bits, _BRICKS, direct, tile)
     window = Window.of_slab(cells, bricks.slab)
     facets, sink = near(facets, bits, 1, window), bricks.sink(cells)
     defines |= cells.defines
-    visit_facets(session, _FILE, "cast", facets, window.box, sink, defines, progress)
+    _cast(session, facets, window, sink, defines, progress)
+
+
+def _defines(axis: int, bits: int, sink: int, direct: int, tile: int) -> dict[str, int]:
+    rays = {"AXIS": axis, "STEP_BITS": bits, "SINK": sink}
+    return rays | {"DIRECT": direct, "FEW": FEW, "TILE": tile, "EDGE_BITS": 32}
+
+
+def _cast(
+    session: Session,
+    facets: Mesh,
+    window: Window,
+    sink: tuple[Argument, ...],
+    defines: dict[str, int],
+    progress: Progress | None = None,
+) -> None:
+    """Triangles done directly have edge functions of 32 bits, those in tiles of 64."""
+    wide = {"EDGE_BITS": 64}
+    visit_facets(session, _FILE, "cast", facets, window.box, sink, defines, progress, tiled=wide)

@@ -121,6 +121,8 @@ def visit_facets(
     sink: tuple[Argument, ...],
     defines: dict[str, int],
     progress: Progress | None = None,
+    *,
+    tiled: dict[str, int] | None = None,
 ) -> None:
     """Run the kernels `verb`_direct, count_tiles and `verb`_tiles of *file* over all triangles.
 
@@ -132,6 +134,8 @@ def visit_facets(
         What the kernels take after the mesh: their outputs, above all.
     defines : dict
         What they are built with.
+    tiled : dict, optional
+        What the kernels for tiles are built with instead, where that differs.
     progress : callable, optional
         Told of triangles done; with it, each launch is waited for.
     """
@@ -140,7 +144,7 @@ def visit_facets(
         part = facets.part(session, number)
         size = part.triangles
         told = None if progress is None else partial(_tell_part, progress, start, count)
-        _visit_part(session, file, verb, part, space, sink, defines, told)
+        _visit_part(session, file, verb, part, space, sink, defines, tiled or {}, told)
         start += size
         # Before the next part takes memory.
         del part
@@ -159,6 +163,7 @@ def _visit_part(
     space: np.generic,
     sink: tuple[Argument, ...],
     defines: dict[str, int],
+    tiled: dict[str, int],
     progress: Progress | None,
 ) -> None:
     vertices, faces = facets
@@ -168,7 +173,7 @@ def _visit_part(
     defines = defines | {"RUN": RUN}
     listed = session.zeros(1, np.uint32)
     entries = session.empty(count, np.uint32)
-    direct = session.kernel(file, f"{verb}_direct", **defines, EDGE_BITS=32)
+    direct = session.kernel(file, f"{verb}_direct", **defines)
     for first, last in _launches(count, TRIANGLES_PER_LAUNCH):
         session.run(
             direct,
@@ -183,15 +188,16 @@ def _visit_part(
     if large == 0:
         return
     tiles = session.empty(int(large), np.uint32)
-    count_tiles = session.kernel(file, "count_tiles", **defines, EDGE_BITS=64)
+    defines = defines | tiled
+    count_tiles = session.kernel(file, "count_tiles", **defines)
     mesh = faces, vertices, entries
     session.run(count_tiles, int(large), large, space, *mesh, tiles, steps=_TILE_STEPS)
     offsets, pairs = prefix_sum(session, tiles, bits=64)
-    tiled = session.kernel(file, f"{verb}_tiles", **defines, EDGE_BITS=64)
+    kernel = session.kernel(file, f"{verb}_tiles", **defines)
     for first, last in _launches(pairs, TILES_PER_LAUNCH):
         span = np.uint64(first), np.uint64(last)
         session.run(
-            tiled, last - first, *span, large, space, faces, vertices, entries, offsets, *sink
+            kernel, last - first, *span, large, space, faces, vertices, entries, offsets, *sink
         )
         if progress is not None:
             session.finish()
