@@ -97,7 +97,7 @@ class Session:
         ----------
         most : int
         tick : callable, optional
-            Called between launches; may raise.
+            Called between launches, apart from the job; may raise.
         """
         outer, job = self.current_job, Job(most, tick)
         self._local.job = job
@@ -112,6 +112,19 @@ class Session:
         finally:
             self._local.job = outer
             job.close()
+
+    @contextmanager
+    def apart(self) -> Iterator[None]:
+        """Let this thread do what is no part of its job, such as what a caller's function does.
+
+        It is not counted, not refused, not told of, and not given back if the job fails.
+        """
+        job = self.current_job
+        self._local.job = None
+        try:
+            yield
+        finally:
+            self._local.job = job
 
     def reset_peak(self) -> None:
         """Let `peak_nbytes` start again from what is in use now."""
@@ -235,12 +248,15 @@ class Session:
             if oldest is not None:
                 oldest.wait()
             if job is not None:
-                job.tick()
+                with self.apart():
+                    job.tick()
 
     def finish(self) -> None:
         """Wait until everything queued is done."""
         self._queue.finish()
-        self._queued.clear()
+        with self._lock:
+            # Another thread may be about to take the oldest.
+            self._queued.clear()
 
     def _build(self, file: str, defines: dict[str, int]) -> cl.Program:
         options = _OPTIONS + [f"-D{name}={value}" for name, value in sorted(defines.items())]

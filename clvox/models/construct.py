@@ -58,7 +58,7 @@ def construct(
     seconds: dict[str, float] = {}
     with timed(session, seconds, "snap"):
         vertices = lattice.snap(surface.vertices)
-    told = Told(tell, 2 * len(surface.faces))
+    told = Told(session, tell, 2 * len(surface.faces))
     with session.job(budget, told.again) as job:
         room = Room(session, job, lattice.grid, surface, levels)
         sent = SentMesh(session, vertices, surface.faces)

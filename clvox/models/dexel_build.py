@@ -193,7 +193,7 @@ def _build(
     sources = Sources((Source(count, surface),))
     shape = lattice.grid.shape
     models = []
-    told = Told(tell, len(axes) * count)
+    told = Told(session, tell, len(axes) * count)
     with session.job(budget, told.again) as job:
         with timed(session, first, "upload"):
             facets = upload_facets(session, vertices, surface.faces)

@@ -34,7 +34,7 @@ def build_open(
     """
     seconds: dict[str, float] = {}
     bits, shape, triangles = lattice.bits, lattice.grid.shape, len(surface.faces)
-    told = Told(tell, 2 * triangles)
+    told = Told(session, tell, 2 * triangles)
     doubtful: list[NDArray[np.int64]] = []
     with session.job(budget, told.again) as job:
         with timed(session, seconds, "upload"):

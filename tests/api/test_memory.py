@@ -368,6 +368,37 @@ def test_work_can_be_ended_at_any_time(
     assert bits(clvox.voxelize(mesh, **options)) == right
 
 
+@pytest.mark.parametrize("fill", ["parity", "nonzero", "winding"])
+def test_who_is_told_may_use_other_models(session: Session, fill: Fill) -> None:
+    """Which are no part of the work: they do not count, and stay if it is ended."""
+    mesh = trimesh.creation.icosphere(subdivisions=2, radius=1.0)
+    other = clvox.voxelize(mesh, resolution=32)
+    expected = (~other).to_array()
+    plain = clvox.voxelize(mesh, resolution=16, fill=fill)
+    made: list[clvox.VoxelModel] = []
+
+    def look(done: int, total: int) -> None:
+        assert session.current_job is None
+        made.append(~other)
+
+    model = clvox.voxelize(mesh, resolution=16, fill=fill, progress=look)
+    assert model == plain
+    assert model.report.peak_nbytes == plain.report.peak_nbytes
+    calls = len(made)
+    made.clear()
+
+    def stop(done: int, total: int) -> None:
+        look(done, total)
+        if len(made) == calls:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        clvox.voxelize(mesh, resolution=16, fill=fill, progress=stop)
+    assert session.current_job is None
+    for each in made:
+        np.testing.assert_array_equal(each.to_array(), expected)
+
+
 @pytest.mark.parametrize("fill", FILLS)
 @pytest.mark.parametrize("levels", LEVELS)
 def test_progress_of_work_in_pieces_goes_up_to_the_end(levels: str, fill: Fill) -> None:
