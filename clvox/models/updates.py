@@ -185,11 +185,15 @@ def _differing(before: Surface, after: Surface, count: int) -> NDArray[np.int8]:
 
 def _alike(before: Surface, after: Surface) -> bool:
     """Whether vertices and triangles have the same numbers in both."""
-    return (
-        before.face_numbers is None
-        and after.face_numbers is None
-        and len(before.vertices) == len(after.vertices)
-    )
+    if before.face_numbers is not None or after.face_numbers is not None:
+        return False
+    if len(before.vertices) != len(after.vertices):
+        return False
+    # As many are left also if one was parted from another and two others were joined.
+    numbers = before.vertex_numbers, after.vertex_numbers
+    if numbers[0] is None or numbers[1] is None:
+        return numbers[0] is numbers[1]
+    return np.array_equal(*numbers)
 
 
 def _changed_rows(before: Surface, after: Surface) -> NDArray[np.int8]:

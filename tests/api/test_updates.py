@@ -122,6 +122,22 @@ def test_triangles_may_be_joined_in_another_way() -> None:
     assert_same(model.updated(edited, changed=pair), voxelize(edited))
 
 
+def test_one_vertex_may_part_and_another_be_joined() -> None:
+    """As many vertices are left, and yet they have other numbers."""
+    corner = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
+    faces = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
+    vertices = np.concatenate([-corner, corner, corner * [1, -1, -1] - [0, 0.5, 0]])
+    bodies = np.concatenate([faces, faces + 4, faces + 8])
+    moved = vertices.copy()
+    moved[0] = -0.1
+    moved[8] = 0.0
+    before, after = ((each, bodies) for each in (vertices, moved))
+    surfaces = check(before), check(after)
+    assert len(surfaces[0].vertices) == len(surfaces[1].vertices) == 11
+    changed = np.flatnonzero(np.isin(bodies, [0, 8]).any(axis=1))
+    assert_same(voxelize(before).updated(after, changed=changed), voxelize(after))
+
+
 @pytest.mark.parametrize("fill", ["nonzero", "positive", "surface", "vote", "winding"])
 def test_other_fills_are_done_anew(fill: Fill) -> None:
     mesh = PAIRS["balls"][0] + PAIRS["balls"][1]
