@@ -48,8 +48,8 @@ class Session:
     """One device with one in-order queue.
 
     Work is queued a few launches ahead; whoever reads a result waits for it.  Memory comes from a
-    pool, so that a second job of the same size allocates nothing new; `nbytes` and `peak_nbytes`
-    count what is in use.
+    pool, so that a second job of the same size allocates nothing new; `nbytes` counts what is in
+    use, and a `job` what one piece of work takes.
     """
 
     def __init__(self, device: Device) -> None:
@@ -58,8 +58,6 @@ class Session:
         self.device = device
         self.builds = 0
         """Programs built so far."""
-        self.peak_nbytes = 0
-        """Most bytes that were in use at once, since the start or the last `reset_peak`."""
         self._lock = threading.RLock()
         self._context = cl.Context([device.handle])
         self._queue = cl.CommandQueue(self._context)
@@ -126,10 +124,6 @@ class Session:
         finally:
             self._local.job = job
 
-    def reset_peak(self) -> None:
-        """Let `peak_nbytes` start again from what is in use now."""
-        self.peak_nbytes = self.nbytes
-
     def free(self) -> None:
         """Give memory that is not in use back to the driver."""
         with self._lock:
@@ -165,7 +159,6 @@ class Session:
                     f"{self.device} has no room for {nbytes:,} bytes more; {self.nbytes:,} are in "
                     "use. Use a coarser pitch, or drop models that are no longer needed."
                 ) from error
-            self.peak_nbytes = max(self.peak_nbytes, self.nbytes)
             if job is not None:
                 job.hold(array, nbytes)
         return array

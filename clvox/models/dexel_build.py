@@ -185,7 +185,6 @@ def _build(
     budget: int,
     tell: Progress | None,
 ) -> list[DexelModel]:
-    session.reset_peak()
     count = len(surface.faces)
     first: dict[str, float] = {}
     with timed(session, first, "snap"):

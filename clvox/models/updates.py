@@ -73,6 +73,8 @@ def update_arrays(
 ) -> tuple[VoxelArrays, Report]:
     """Return the arrays of the edited mesh *after*, by parity, and how they were made.
 
+    Not how much memory they took: that is for the caller's job to say.
+
     Parameters
     ----------
     arrays, report, source
@@ -86,7 +88,6 @@ def update_arrays(
         A triangle differs that is not listed.
     """
     before, lattice = source
-    session.reset_peak()
     seconds = {}
     start = time.perf_counter()
     edit = _find_edit(before, after, listed, lattice)
@@ -109,7 +110,6 @@ def update_arrays(
         duplicates=after.duplicates,
         cancelled=after.cancelled,
         collapsed=report.collapsed - gone + come,
-        peak_nbytes=session.peak_nbytes,
         warnings=after.warnings,
     )
 
