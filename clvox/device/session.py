@@ -6,7 +6,7 @@ import re
 import threading
 import warnings
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from typing import Any, TypeAlias
 
@@ -86,7 +86,9 @@ class Session:
         return job
 
     @contextmanager
-    def job(self, most: int, tick: Tick | None = None) -> Iterator[Job]:
+    def job(
+        self, most: int, tick: Tick | None = None, held: Iterable[cla.Array] = ()
+    ) -> Iterator[Job]:
         """Count what this thread allocates meanwhile, and refuse what takes more than *most* bytes.
 
         After an exception nothing that was allocated is in use any longer.
@@ -96,8 +98,12 @@ class Session:
         most : int
         tick : callable, optional
             Called between launches, apart from the job; may raise.
+        held : arrays, optional
+            Of an earlier job that this one goes on with: they count, too, and are given back.
         """
         outer, job = self.current_job, Job(most, tick)
+        for array in held:
+            job.hold(array, self.size_of(array.nbytes))
         self._local.job = job
         try:
             yield job
