@@ -159,9 +159,7 @@ def voxelize(
         return _keep(model, names, budget, told) if names else model
 
 
-def _keep(
-    model: VoxelModel, names: tuple[Attribute, ...], budget: int, told: Told
-) -> VoxelModel:
+def _keep(model: VoxelModel, names: tuple[Attribute, ...], budget: int, told: Told) -> VoxelModel:
     """The model with attributes, for which it leaves what it does not take of the budget."""
     session, report = model._session, model.report
     seconds = dict(report.seconds)

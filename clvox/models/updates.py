@@ -190,10 +190,8 @@ def _alike(before: Surface, after: Surface) -> bool:
     if len(before.vertices) != len(after.vertices):
         return False
     # As many are left also if one was parted from another and two others were joined.
-    numbers = before.vertex_numbers, after.vertex_numbers
-    if numbers[0] is None or numbers[1] is None:
-        return numbers[0] is numbers[1]
-    return np.array_equal(*numbers)
+    one, other = before.vertex_numbers, after.vertex_numbers
+    return one is other if one is None or other is None else np.array_equal(one, other)
 
 
 def _changed_rows(before: Surface, after: Surface) -> NDArray[np.int8]:

@@ -453,7 +453,7 @@ def test_who_is_told_may_use_other_models(session: Session, fill: Fill) -> None:
     plain = clvox.voxelize(mesh, resolution=16, fill=fill)
     made: list[clvox.VoxelModel] = []
 
-    def look(done: int, total: int) -> None:
+    def look(*_: int) -> None:
         assert session.current_job is None
         made.append(~other)
 
