@@ -6,7 +6,7 @@ import re
 import threading
 import warnings
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from typing import Any, TypeAlias
 
@@ -48,8 +48,8 @@ class Session:
     """One device with one in-order queue.
 
     Work is queued a few launches ahead; whoever reads a result waits for it.  Memory comes from a
-    pool, so that a second job of the same size allocates nothing new; `nbytes` and `peak_nbytes`
-    count what is in use.
+    pool, so that a second job of the same size allocates nothing new; `nbytes` counts what is in
+    use, and a `job` what one piece of work takes.
     """
 
     def __init__(self, device: Device) -> None:
@@ -58,8 +58,6 @@ class Session:
         self.device = device
         self.builds = 0
         """Programs built so far."""
-        self.peak_nbytes = 0
-        """Most bytes that were in use at once, since the start or the last `reset_peak`."""
         self._lock = threading.RLock()
         self._context = cl.Context([device.handle])
         self._queue = cl.CommandQueue(self._context)
@@ -88,7 +86,9 @@ class Session:
         return job
 
     @contextmanager
-    def job(self, most: int, tick: Tick | None = None) -> Iterator[Job]:
+    def job(
+        self, most: int, tick: Tick | None = None, held: Iterable[cla.Array] = ()
+    ) -> Iterator[Job]:
         """Count what this thread allocates meanwhile, and refuse what takes more than *most* bytes.
 
         After an exception nothing that was allocated is in use any longer.
@@ -97,9 +97,13 @@ class Session:
         ----------
         most : int
         tick : callable, optional
-            Called between launches; may raise.
+            Called between launches, apart from the job; may raise.
+        held : arrays, optional
+            Of an earlier job that this one goes on with: they count, too, and are given back.
         """
         outer, job = self.current_job, Job(most, tick)
+        for array in held:
+            job.hold(array, self.size_of(array.nbytes))
         self._local.job = job
         try:
             yield job
@@ -113,9 +117,18 @@ class Session:
             self._local.job = outer
             job.close()
 
-    def reset_peak(self) -> None:
-        """Let `peak_nbytes` start again from what is in use now."""
-        self.peak_nbytes = self.nbytes
+    @contextmanager
+    def apart(self) -> Iterator[None]:
+        """Let this thread do what is no part of its job, such as what a caller's function does.
+
+        It is not counted, not refused, not told of, and not given back if the job fails.
+        """
+        job = self.current_job
+        self._local.job = None
+        try:
+            yield
+        finally:
+            self._local.job = job
 
     def free(self) -> None:
         """Give memory that is not in use back to the driver."""
@@ -152,7 +165,6 @@ class Session:
                     f"{self.device} has no room for {nbytes:,} bytes more; {self.nbytes:,} are in "
                     "use. Use a coarser pitch, or drop models that are no longer needed."
                 ) from error
-            self.peak_nbytes = max(self.peak_nbytes, self.nbytes)
             if job is not None:
                 job.hold(array, nbytes)
         return array
@@ -235,12 +247,15 @@ class Session:
             if oldest is not None:
                 oldest.wait()
             if job is not None:
-                job.tick()
+                with self.apart():
+                    job.tick()
 
     def finish(self) -> None:
         """Wait until everything queued is done."""
         self._queue.finish()
-        self._queued.clear()
+        with self._lock:
+            # Another thread may be about to take the oldest.
+            self._queued.clear()
 
     def _build(self, file: str, defines: dict[str, int]) -> cl.Program:
         options = _OPTIONS + [f"-D{name}={value}" for name, value in sorted(defines.items())]

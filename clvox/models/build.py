@@ -18,7 +18,7 @@ from clvox.models.construct import WINDINGS, Fill, construct, timed
 from clvox.models.levels import Levels, fill_box, resolve_levels
 from clvox.models.memory import find_budget
 from clvox.models.openings import OPEN_FILLS, build_open
-from clvox.models.telling import drawn
+from clvox.models.telling import Told, drawn
 from clvox.models.voxels import VoxelModel
 from clvox.ops import crossings
 from clvox.ops.facets import Progress, upload_facets
@@ -153,14 +153,23 @@ def voxelize(
     session = open_session(device)
     budget = find_budget(session, memory_budget)
     with drawn(progress=progress) as tell:
+        told = Told(session, tell, 2 * len(surface.faces))
         build = build_open if fill in OPEN_FILLS else construct
-        model = build(session, surface, lattice, shapes, fill, budget, tell)
-    if not names:
-        return model
-    with session.job(budget, None) as job, timed(session, model.report.seconds, "attributes"):
+        model = build(session, surface, lattice, shapes, fill, budget, told)
+        return _keep(model, names, budget, told) if names else model
+
+
+def _keep(model: VoxelModel, names: tuple[Attribute, ...], budget: int, told: Told) -> VoxelModel:
+    """The model with attributes, for which it leaves what it does not take of the budget."""
+    session, report = model._session, model.report
+    seconds = dict(report.seconds)
+    with (
+        session.job(budget, told.again, model._arrays.arrays) as job,
+        timed(session, seconds, "attributes"),
+    ):
         model = model._keeping(names)
-    peak = max(model.report.peak_nbytes, job.peak_nbytes)
-    return replace(model, report=replace(model.report, peak_nbytes=peak))
+    peak = max(report.peak_nbytes, job.peak_nbytes)
+    return replace(model, report=replace(report, seconds=seconds, peak_nbytes=peak))
 
 
 def count_crossings(

@@ -27,7 +27,7 @@ from clvox.models.telling import Told
 from clvox.models.voxels import VoxelModel
 from clvox.ops import boundary, crossings, dense
 from clvox.ops import fill as fills
-from clvox.ops.facets import Mesh, Progress
+from clvox.ops.facets import Mesh
 from clvox.ops.fill import Winding
 from clvox.ops.layout import Bricks, Cells, Slab, VoxelArrays, cell_shape, words_for
 from clvox.ops.multilevel import Solid, carry, empty_solid, rank_cells
@@ -49,7 +49,7 @@ def construct(
     levels: tuple[Shape, ...],
     fill: Fill,
     budget: int,
-    tell: Progress | None,
+    told: Told,
 ) -> VoxelModel:
     """Return the model of *surface* on the grid of *lattice*, with *levels*, filled by *fill*.
 
@@ -58,7 +58,6 @@ def construct(
     seconds: dict[str, float] = {}
     with timed(session, seconds, "snap"):
         vertices = lattice.snap(surface.vertices)
-    told = Told(tell, 2 * len(surface.faces))
     with session.job(budget, told.again) as job:
         room = Room(session, job, lattice.grid, surface, levels)
         sent = SentMesh(session, vertices, surface.faces)

@@ -185,7 +185,6 @@ def _build(
     budget: int,
     tell: Progress | None,
 ) -> list[DexelModel]:
-    session.reset_peak()
     count = len(surface.faces)
     first: dict[str, float] = {}
     with timed(session, first, "snap"):
@@ -193,7 +192,7 @@ def _build(
     sources = Sources((Source(count, surface),))
     shape = lattice.grid.shape
     models = []
-    told = Told(tell, len(axes) * count)
+    told = Told(session, tell, len(axes) * count)
     with session.job(budget, told.again) as job:
         with timed(session, first, "upload"):
             facets = upload_facets(session, vertices, surface.faces)

@@ -13,7 +13,7 @@ from clvox.models.report import MOST_DOUBTFUL, Report
 from clvox.models.telling import Told
 from clvox.models.voxels import VoxelModel
 from clvox.ops import boundary, vote, winding
-from clvox.ops.facets import Progress, upload_facets
+from clvox.ops.facets import upload_facets
 
 OPEN_FILLS = ("vote", "winding")
 """The fills that guess an inside."""
@@ -26,7 +26,7 @@ def build_open(
     levels: tuple[Shape, ...],
     fill: str,
     budget: int,
-    tell: Progress | None,
+    told: Told,
 ) -> VoxelModel:
     """Return the model of *surface* by one of `OPEN_FILLS`.
 
@@ -34,7 +34,6 @@ def build_open(
     """
     seconds: dict[str, float] = {}
     bits, shape, triangles = lattice.bits, lattice.grid.shape, len(surface.faces)
-    told = Told(tell, 2 * triangles)
     doubtful: list[NDArray[np.int64]] = []
     with session.job(budget, told.again) as job:
         with timed(session, seconds, "upload"):

@@ -7,13 +7,15 @@ from contextlib import contextmanager
 
 from tqdm import tqdm
 
+from clvox.device import Session
 from clvox.ops.facets import Progress
 
 
 class Told:
     """What was last told of the progress: done, of a whole of *total*."""
 
-    def __init__(self, tell: Progress | None, total: int) -> None:
+    def __init__(self, session: Session, tell: Progress | None, total: int) -> None:
+        self._session = session
         self._tell = tell
         self._total = total
         self._done = 0
@@ -21,7 +23,9 @@ class Told:
     def again(self) -> None:
         """Say that the work still goes on, and so let it be cancelled."""
         if self._tell is not None:
-            self._tell(self._done, self._total)
+            # The caller's function may use other models, which are no part of the work.
+            with self._session.apart():
+                self._tell(self._done, self._total)
 
     def part(self, first: float, last: float) -> Progress | None:
         """Progress of a part of the work, from *first* to *last* of 1, as progress of the whole."""

@@ -73,6 +73,8 @@ def update_arrays(
 ) -> tuple[VoxelArrays, Report]:
     """Return the arrays of the edited mesh *after*, by parity, and how they were made.
 
+    Not how much memory they took: that is for the caller's job to say.
+
     Parameters
     ----------
     arrays, report, source
@@ -86,7 +88,6 @@ def update_arrays(
         A triangle differs that is not listed.
     """
     before, lattice = source
-    session.reset_peak()
     seconds = {}
     start = time.perf_counter()
     edit = _find_edit(before, after, listed, lattice)
@@ -109,7 +110,6 @@ def update_arrays(
         duplicates=after.duplicates,
         cancelled=after.cancelled,
         collapsed=report.collapsed - gone + come,
-        peak_nbytes=session.peak_nbytes,
         warnings=after.warnings,
     )
 
@@ -185,11 +185,13 @@ def _differing(before: Surface, after: Surface, count: int) -> NDArray[np.int8]:
 
 def _alike(before: Surface, after: Surface) -> bool:
     """Whether vertices and triangles have the same numbers in both."""
-    return (
-        before.face_numbers is None
-        and after.face_numbers is None
-        and len(before.vertices) == len(after.vertices)
-    )
+    if before.face_numbers is not None or after.face_numbers is not None:
+        return False
+    if len(before.vertices) != len(after.vertices):
+        return False
+    # As many are left also if one was parted from another and two others were joined.
+    one, other = before.vertex_numbers, after.vertex_numbers
+    return one is other if one is None or other is None else np.array_equal(one, other)
 
 
 def _changed_rows(before: Surface, after: Surface) -> NDArray[np.int8]:

@@ -22,6 +22,7 @@ from clvox.models import archive, updates
 from clvox.models.attributes import Attribute, Attributes, build_attributes
 from clvox.models.expand import RuleName, check_bounds, expand_layers, find_rule
 from clvox.models.levels import Levels, resolve_levels
+from clvox.models.memory import find_budget
 from clvox.models.moments import center_of_mass, inertia
 from clvox.models.report import Report
 from clvox.models.snapping import swept_volume
@@ -258,6 +259,8 @@ class VoxelModel:
             As for `voxelize`.
         GridError
             The mesh has grown beyond this model's lattice.
+        OutOfMemoryError
+            The device has no room for the model beside those that are there.
         """
         before, lattice = source = updates.require_one_mesh(self._surfaces, self.report)
         after, listed = updates.check_edit(before, mesh, changed)
@@ -266,18 +269,20 @@ class VoxelModel:
         after.require_closed()
         # Only says whether the edited mesh has room on the lattice.
         Lattice.fit(self.grid, after.bounds, bits=lattice.bits)
-        arrays, report = updates.update_arrays(
-            self._session, self._arrays, self.report, source, after, listed
-        )
-        model = replace(
-            self,
-            _arrays=arrays,
-            report=report,
-            _surfaces=((after, lattice),),
-            _attributes=None,
-        )
-        # What it kept of the mesh that was, it keeps of the one that is.
-        return model._keeping(self.attributes)
+        with self._session.job(find_budget(self._session, None)) as job:
+            arrays, report = updates.update_arrays(
+                self._session, self._arrays, self.report, source, after, listed
+            )
+            model = replace(
+                self,
+                _arrays=arrays,
+                report=report,
+                _surfaces=((after, lattice),),
+                _attributes=None,
+            )
+            # What it kept of the mesh that was, it keeps of the one that is.
+            model = model._keeping(self.attributes)
+        return replace(model, report=replace(report, peak_nbytes=job.peak_nbytes))
 
     # Measures
 

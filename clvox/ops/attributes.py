@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from clvox.device import Session
 from clvox.device.session import Argument
-from clvox.errors import OutOfMemoryError
 from clvox.grid import Shape
 from clvox.ops.boundary import DIRECT, TILE
 from clvox.ops.facets import Facets, visit_facets
@@ -29,8 +28,6 @@ _SUMS, _LINKS, _LOOK_UP = (
 
 VOXELS_PER_PASS = 1 << 24
 """Touched voxels whose sums are on the device at once; each pass visits all triangles."""
-
-MOST_TOUCHED = 2**32 - 1
 
 
 @dataclass(frozen=True)
@@ -76,10 +73,6 @@ class Touched:
 def number_touched(session: Session, arrays: VoxelArrays, edge: cla.Array) -> Touched:
     """Return the touched voxels with their ranks."""
     ranked = rank_cells(session, edge, arrays.shape, (1, 1, 1))
-    if ranked.count >= MOST_TOUCHED:
-        raise OutOfMemoryError(
-            f"{ranked.count:,} touched voxels are more than can be numbered. Use a coarser pitch."
-        )
     return Touched(arrays, edge, ranked.rank, ranked.count)
 
 

@@ -195,8 +195,13 @@ class VoxelArrays:
     @property
     def nbytes(self) -> int:
         """Bytes on the device."""
-        arrays = [argument for argument in self.arguments() if isinstance(argument, cla.Array)]
-        return sum(array.nbytes for array in arrays[:-1])
+        return sum(array.nbytes for array in self.arrays)
+
+    @property
+    def arrays(self) -> tuple[cla.Array, ...]:
+        """All that is on the device."""
+        arguments = self.arguments()[:-1]
+        return tuple(argument for argument in arguments if isinstance(argument, cla.Array))
 
     @property
     def defines(self) -> dict[str, int]:

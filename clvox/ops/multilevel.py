@@ -8,6 +8,7 @@ import numpy as np
 import pyopencl.array as cla
 
 from clvox.device import Session
+from clvox.errors import OutOfMemoryError
 from clvox.grid import Shape
 from clvox.ops.layout import Bricks, Cells, brick_defines, int4, words_for
 from clvox.ops.scan import prefix_sum
@@ -17,6 +18,9 @@ _LIST = "multilevel/list_bricks.cl"
 RANK_WORDS = 8
 """Words of boundary bits per entry of the rank."""
 
+MOST_BRICKS = 2**32 - 2
+"""Bricks must be fewer: where kernels look for one, the last two numbers say outside and inside
+(`common/model.h`), the last also that there is none (`common/bricks.h`)."""
 
 BITS = 32
 """Cells in a word."""
@@ -41,6 +45,11 @@ def rank_cells(session: Session, boundary: cla.Array, shape: Shape, brick: Shape
 
     boundary: (Nz, Ny, words) or (bricks, words) uint32 bits; shape: cells (x, y, z); brick: cells
     or voxels in a cell.
+
+    Raises
+    ------
+    OutOfMemoryError
+        Their bricks are more than uint32 can number.
     """
     blocks = -(-boundary.size // RANK_WORDS)
     counts = session.empty(blocks, np.uint32)
@@ -49,6 +58,11 @@ def rank_cells(session: Session, boundary: cla.Array, shape: Shape, brick: Shape
         words = np.uint64(boundary.size)
         session.run(kernel, blocks, words, boundary, counts, steps=RANK_WORDS)
     rank, count = prefix_sum(session, counts)
+    if count >= MOST_BRICKS:
+        raise OutOfMemoryError(
+            f"{count:,} touched cells or voxels of a level are more than can be numbered; there "
+            f"must be fewer than {MOST_BRICKS:,}. Use a coarser pitch or larger bricks."
+        )
     return Cells(shape, brick, boundary, rank, count)
 
 

@@ -22,7 +22,7 @@ def prefix_sum(
     ----------
     counts : (n,) uint32
     bits : int
-        32 or 64, of the sums.  With 32 the total must stay below 2**32.
+        32 or 64, of the sums.  With 32 they are right as long as the total is below 2**32.
     group : int
         Work-items per group, a power of two.
 
@@ -30,6 +30,7 @@ def prefix_sum(
     -------
     sums : (n,) uint32 or uint64, on the device
     total : int
+        Of 64 bits in any case.
     """
     count = counts.size
     sums = session.empty(count, np.uint32 if bits == 32 else np.uint64)

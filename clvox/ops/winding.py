@@ -69,7 +69,8 @@ def fill_winding(
 ) -> VoxelArrays:
     """Return the voxels whose generalised winding number is above a half, on *levels*.
 
-    They have bricks where a triangle touches a cell or its voxels differ.
+    They have bricks where a triangle touches a cell or its voxels differ.  Lists take half of what
+    the job of this thread has left, and at most *list_bytes*, unless one layer of cells takes more.
     """
     brick = BRICK if len(levels) == 1 else levels[-1]
     cells, thresholds = classify_cells(session, facets, rim, bits, shape, brick)
@@ -146,7 +147,10 @@ def _fill(
     bricks = session.empty((cells.count, cells.brick_words), np.uint32)
     counts, side = int4(cells.shape), cells.brick[2]
     curtain = np.uint32(rim.edges), rim.scale, rim.ends
-    triangles = facets.faces.shape[0]
+    triangles, job = facets.faces.shape[0], session.current_job
+    if job is not None:
+        # As much again is for the pool, which rounds, and for what sorting takes beside lists.
+        list_bytes = min(list_bytes, job.left // 2)
     for rows in _layers(session, facets, bits, shape, side, list_bytes):
         first, stop = rows.window.first_u // side, -(-rows.window.stop_u // side)
         words = (stop - first) * cells.boundary.size // cells.shape[2]

@@ -22,6 +22,7 @@ from clvox.device import Session
 from clvox.device import session as sessions
 from clvox.errors import GridError, OutOfMemoryError
 from clvox.grid import Grid
+from clvox.models.attributes import Attribute
 from clvox.models.construct import Fill
 from clvox.models.memory import LEAST_WORK
 from clvox.ops import crossings
@@ -137,6 +138,81 @@ def test_a_small_budget_cuts_the_work(monkeypatch: pytest.MonkeyPatch) -> None:
     assert len(slabs) > 3
     assert sum(slab.layers for slab in slabs) == -(-FINE.shape[2] // 8)
     assert max(parts) > 3
+
+
+def test_attributes_are_within_the_budget_beside_the_model(
+    session: Session, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    mesh = trimesh.creation.icosphere(subdivisions=3, radius=1.0)
+
+    def build(budget: int | None = None) -> clvox.VoxelModel:
+        return clvox.voxelize(
+            mesh, resolution=64, attributes=("normals", "links"), memory_budget=budget
+        )
+
+    gc.collect()
+    before = session.nbytes
+    taken = []
+    allocate = session.empty
+
+    def note(*arguments: Any) -> Any:
+        array = allocate(*arguments)
+        taken.append(session.nbytes - before)
+        return array
+
+    monkeypatch.setattr(session, "empty", note)
+    peak = build().report.peak_nbytes
+    monkeypatch.undo()
+    # Blocks are rounded up by a sixteenth at most.
+    assert max(taken) <= peak <= max(taken) * 17 // 16
+    assert build(peak).report.peak_nbytes == peak
+    with pytest.raises(OutOfMemoryError, match="bytes more are needed"):
+        build(peak - 1)
+
+
+@pytest.mark.parametrize("fill", ["parity", "winding"])
+def test_attributes_can_be_ended(
+    session: Session, monkeypatch: pytest.MonkeyPatch, fill: Fill
+) -> None:
+    """With the model given back; and the report of the model without them stays what it was."""
+    mesh = trimesh.creation.icosphere(subdivisions=2, radius=1.0)
+    told: list[tuple[int, int]] = []
+    left = [-1]
+
+    def stop(done: int, total: int) -> None:
+        told.append((done, total))
+        left[0] -= 1
+        if not left[0]:
+            raise KeyboardInterrupt
+
+    def build(*names: Attribute) -> clvox.VoxelModel:
+        told.clear()
+        return clvox.voxelize(mesh, resolution=16, fill=fill, attributes=names, progress=stop)
+
+    build()
+    calls = len(told)
+    reports = []
+    keep = clvox.VoxelModel._keeping
+
+    def note(model: clvox.VoxelModel, names: tuple[Attribute, ...]) -> clvox.VoxelModel:
+        reports.append(model.report)
+        return keep(model, names)
+
+    monkeypatch.setattr(clvox.VoxelModel, "_keeping", note)
+    model = build("normals", "links")
+    assert "attributes" in model.report.seconds
+    assert "attributes" not in reports[0].seconds
+    more = told[calls:]
+    assert len(more) > 5
+    assert set(more) == {told[calls - 1]} == {(2 * len(mesh.faces),) * 2}
+    del model
+    gc.collect()
+    before = session.nbytes
+    for number in range(1, len(more) + 1):
+        left[0] = calls + number
+        with pytest.raises(KeyboardInterrupt) as caught:
+            build("normals", "links")
+        assert session.nbytes == before, caught
 
 
 def test_models_that_are_there_do_not_count() -> None:
@@ -366,6 +442,37 @@ def test_work_can_be_ended_at_any_time(
         assert session.nbytes == before, caught
     monkeypatch.undo()
     assert bits(clvox.voxelize(mesh, **options)) == right
+
+
+@pytest.mark.parametrize("fill", ["parity", "nonzero", "winding"])
+def test_who_is_told_may_use_other_models(session: Session, fill: Fill) -> None:
+    """Which are no part of the work: they do not count, and stay if it is ended."""
+    mesh = trimesh.creation.icosphere(subdivisions=2, radius=1.0)
+    other = clvox.voxelize(mesh, resolution=32)
+    expected = (~other).to_array()
+    plain = clvox.voxelize(mesh, resolution=16, fill=fill)
+    made: list[clvox.VoxelModel] = []
+
+    def look(*_: int) -> None:
+        assert session.current_job is None
+        made.append(~other)
+
+    model = clvox.voxelize(mesh, resolution=16, fill=fill, progress=look)
+    assert model == plain
+    assert model.report.peak_nbytes == plain.report.peak_nbytes
+    calls = len(made)
+    made.clear()
+
+    def stop(done: int, total: int) -> None:
+        look(done, total)
+        if len(made) == calls:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        clvox.voxelize(mesh, resolution=16, fill=fill, progress=stop)
+    assert session.current_job is None
+    for each in made:
+        np.testing.assert_array_equal(each.to_array(), expected)
 
 
 @pytest.mark.parametrize("fill", FILLS)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import pickle
 from collections.abc import Callable
 from pathlib import Path
@@ -15,7 +16,10 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 import clvox
+from clvox.device import Session
 from clvox.mesh import check
+from clvox.models import updates
+from clvox.models.attributes import Attribute
 from clvox.models.build import Fill
 from tests.api.test_fill import GRID, LEVELS, PAIRS, ball, box, every_level
 from tests.strategies import FAMILIES, closed_meshes
@@ -122,12 +126,65 @@ def test_triangles_may_be_joined_in_another_way() -> None:
     assert_same(model.updated(edited, changed=pair), voxelize(edited))
 
 
+def test_one_vertex_may_part_and_another_be_joined() -> None:
+    """As many vertices are left, and yet they have other numbers."""
+    corner = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
+    faces = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
+    vertices = np.concatenate([-corner, corner, corner * [1, -1, -1] - [0, 0.5, 0]])
+    bodies = np.concatenate([faces, faces + 4, faces + 8])
+    moved = vertices.copy()
+    moved[0] = -0.1
+    moved[8] = 0.0
+    before, after = ((each, bodies) for each in (vertices, moved))
+    surfaces = check(before), check(after)
+    assert len(surfaces[0].vertices) == len(surfaces[1].vertices) == 11
+    changed = np.flatnonzero(np.isin(bodies, [0, 8]).any(axis=1))
+    assert_same(voxelize(before).updated(after, changed=changed), voxelize(after))
+
+
 @pytest.mark.parametrize("fill", ["nonzero", "positive", "surface", "vote", "winding"])
 def test_other_fills_are_done_anew(fill: Fill) -> None:
     mesh = PAIRS["balls"][0] + PAIRS["balls"][1]
     model = voxelize(mesh, fill=fill)
     edited, changed = pulled(mesh, (0.0, 0.0, 1.0), 1.1)
     assert_same(model.updated(edited, changed=changed), voxelize(edited, fill=fill))
+
+
+def test_the_peak_is_that_of_the_update_alone(session: Session) -> None:
+    """Attributes included; models that are there do not count."""
+    mesh = PAIRS["balls"][0]
+    edited, changed = pulled(mesh, (1.0, 0.2, 0.1), 1.3)
+    peaks = []
+    attributes: list[tuple[Attribute, ...]] = [(), ("normals", "links")]
+    for names in attributes:
+        model = clvox.voxelize(mesh, grid=GRID, lattice_bits=BITS, attributes=names)
+        alone = model.updated(edited, changed=changed)
+        kept = session.zeros(1 << 20, np.uint32)
+        report = model.updated(edited, changed=changed).report
+        assert alone.nbytes <= report.peak_nbytes == alone.report.peak_nbytes < kept.nbytes
+        peaks.append(report.peak_nbytes)
+    assert peaks[0] < peaks[1]
+
+
+def test_an_update_that_is_ended_gives_its_memory_back(
+    session: Session, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    mesh = PAIRS["balls"][0]
+    edited, changed = pulled(mesh, (1.0, 0.2, 0.1), 1.3)
+    model = voxelize(mesh)
+    expected = model.updated(edited, changed=changed)
+
+    def stop(*_: Any) -> None:
+        raise KeyboardInterrupt
+
+    gc.collect()
+    before = session.nbytes
+    monkeypatch.setattr(updates, "count_flat", stop)
+    with pytest.raises(KeyboardInterrupt) as caught:
+        model.updated(edited, changed=changed)
+    assert session.nbytes == before, caught
+    monkeypatch.undo()
+    assert model.updated(edited, changed=changed) == expected
 
 
 def test_a_pickled_model_can_be_updated() -> None:

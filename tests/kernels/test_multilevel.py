@@ -10,8 +10,10 @@ import pytest
 from hypothesis import given
 from numpy.typing import NDArray
 
+from clvox.errors import OutOfMemoryError
 from clvox.grid import Grid, Lattice, Shape
 from clvox.mesh import check
+from clvox.ops import multilevel
 from clvox.ops.boundary import mark_cells, mark_voxels
 from clvox.ops.crossings import flip_bricks, flip_dense
 from clvox.ops.dense import fill
@@ -143,6 +145,19 @@ def test_ranks_equal_the_twin(session: Session, shape: Shape) -> None:
     cells = rank_cells(session, session.upload(words), shape, (1, 1, 1))
     np.testing.assert_array_equal(cells.rank.get(), twin.rank(words), strict=True)
     assert cells.count == bits.sum()
+
+
+def test_more_bricks_than_can_be_numbered_are_refused(
+    session: Session, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The two numbers that kernels take for outside and inside are none of a brick."""
+    assert multilevel.MOST_BRICKS == 2**32 - 2
+    words = session.upload(np.full((3, 2, 1), 0b111, np.uint32))
+    monkeypatch.setattr(multilevel, "MOST_BRICKS", 19)
+    assert rank_cells(session, words, (3, 2, 3), (8, 8, 8)).count == 18
+    monkeypatch.setattr(multilevel, "MOST_BRICKS", 18)
+    with pytest.raises(OutOfMemoryError, match=r"18 touched cells .* fewer than 18\. "):
+        rank_cells(session, words, (3, 2, 3), (8, 8, 8))
 
 
 @pytest.mark.parametrize("shape", [(1, 1, 1), (33, 7, 1), (5, 8, 64), (70, 9, 33)])

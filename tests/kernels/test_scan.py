@@ -52,6 +52,12 @@ def test_totals_just_below_33_bits(session: Session) -> None:
     assert check(session, np.array([2**31, 2**31 - 1], np.uint32), 32, 8) == 2**32 - 1
 
 
+def test_the_total_has_64_bits_where_sums_have_32(session: Session) -> None:
+    """So that whoever numbers things can see that there are too many."""
+    _, total = prefix_sum(session, session.upload(np.full(70, 2**31, np.uint32)), bits=32, group=8)
+    assert total == 70 * 2**31
+
+
 def test_many_chunks(session: Session) -> None:
     """The one group of the second launch then sums runs of chunks."""
     counts = np.random.default_rng(1).integers(0, 9, 8 * RUN * 70 + 1).astype(np.uint32)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from collections import deque
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -242,6 +243,34 @@ def test_the_host_is_not_far_ahead(session: Session) -> None:
 
 
 # Jobs
+
+
+def test_threads_may_finish_what_others_queue(
+    session: Session, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Even between a look at the queue and taking the oldest of it."""
+
+    class Queued(deque[Any]):
+        def __len__(self) -> int:
+            count = super().__len__()
+            if count > sessions.AHEAD:
+                # Not every implementation likes two threads at work at once.
+                session._queue.finish()
+                thread = threading.Thread(target=session.finish)
+                threads.append(thread)
+                thread.start()
+                # It may have to wait for us.
+                thread.join(0.05)
+            return count
+
+    threads: list[threading.Thread] = []
+    session.finish()
+    monkeypatch.setattr(session, "_queued", Queued())
+    array = [session.zeros(64, np.uint32) for _ in range(sessions.AHEAD + 1)]
+    for thread in threads:
+        thread.join()
+    assert len(threads) == 1
+    assert not any(words.get().any() for words in array)
 
 
 def test_a_job_is_of_one_thread(session: Session) -> None:
