@@ -224,7 +224,8 @@ class Lattice:
         if not span <= MAX_SHAPE:
             raise GridError(
                 f"the mesh and the grid together span {span:.6g} voxels; only fewer than "
-                f"{MAX_SHAPE} can be told apart. Use a coarser pitch, or cut the mesh near the grid first."
+                f"{MAX_SHAPE} can be told apart. Use a coarser pitch, or cut the mesh near "
+                "the grid first."
             )
         most = min(MAX_BITS, math.floor(math.log2(MAX_SPAN / span)))
         if bits is None:
