@@ -25,7 +25,7 @@ hypothesis.settings.register_profile(
 hypothesis.settings.register_profile(
     "oclgrind",
     hypothesis.settings.get_profile("default"),
-    max_examples=5,
+    max_examples=3,
     suppress_health_check=[hypothesis.HealthCheck.too_slow],
 )
 hypothesis.settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "default"))
@@ -94,7 +94,7 @@ def data_file() -> Callable[[str], Path]:
     return find
 
 
-OCLGRIND_CASES = 4
+OCLGRIND_CASES = 3
 """Oclgrind runs so many of the cases of a test, spread over all of them."""
 
 

@@ -102,9 +102,10 @@ def closing_file(name: str) -> Path:
 
 def run(name: str, arguments: list[str]) -> bool:
     """Run pytest on the implementation *name*; return whether all is well."""
-    # Kernels of tests are small: a process for each core keeps the machine busy.
-    chosen = arguments or ["--numprocesses", "auto", *IMPLEMENTATIONS[name].tests]
-    command = [sys.executable, "-m", "pytest", "-q", *chosen]
+    # Kernels of tests are small: a process for each core keeps the machine busy.  Tests of a file
+    # share programs, so they share a process.
+    whole = ["--numprocesses", "auto", "--dist", "loadfile", *IMPLEMENTATIONS[name].tests]
+    command = [sys.executable, "-m", "pytest", "-q", *(arguments or whole)]
     variables = environment(name)
     closing_file(name).unlink(missing_ok=True)
     for log in _oclgrind_logs():
