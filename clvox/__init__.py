@@ -1,7 +1,8 @@
 """Exact multi-level voxel models of closed meshes, on any OpenCL device.
 
-The names below are all that is public.  They are loaded when they are first used, so that
-importing clvox neither looks for an OpenCL driver nor loads the libraries that meshes need.
+Public are the names below, what they return, and `clvox.doctor`.  The names are loaded when they
+are first used, so that importing clvox neither looks for an OpenCL driver nor loads the libraries
+that meshes need.
 """
 
 from __future__ import annotations

@@ -223,8 +223,9 @@ class Lattice:
             span = float((above - below).max()) + 2.0**-MIN_BITS
         if not span <= MAX_SHAPE:
             raise GridError(
-                f"the mesh and the grid together span {span:.6g} voxels; at most {MAX_SHAPE} can "
-                "be told apart. Use a coarser pitch, or cut the mesh near the grid first."
+                f"the mesh and the grid together span {span:.6g} voxels; only fewer than "
+                f"{MAX_SHAPE} can be told apart. Use a coarser pitch, or cut the mesh near "
+                "the grid first."
             )
         most = min(MAX_BITS, math.floor(math.log2(MAX_SPAN / span)))
         if bits is None:

@@ -29,7 +29,8 @@ def machine(session: Session, libraries: Sequence[str] = LIBRARIES) -> dict[str,
     Returns
     -------
     dict
-        cpu, cores (that this process may use), os, python, device, driver, and versions by name.
+        cpu, cores (that this process may use), os (its kind, and the C library), python, device,
+        driver, and versions by name.
     """
     versions = {"clvox": __version__}
     for name in libraries:
@@ -40,7 +41,7 @@ def machine(session: Session, libraries: Sequence[str] = LIBRARIES) -> dict[str,
     return {
         "cpu": _cpu(),
         "cores": _cores(),
-        "os": platform.platform(),
+        "os": _system(),
         "python": platform.python_version(),
         "device": str(session.device),
         "driver": session.device.version,
@@ -60,6 +61,11 @@ def _cpu() -> str:
         lines = []
     names = [line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")]
     return names[0] if names else platform.processor() or platform.machine()
+
+
+def _system() -> str:
+    # Not the kernel's release, which tells of the host more than its timings need.
+    return " ".join(filter(None, [platform.system(), *platform.libc_ver()]))
 
 
 def _cores() -> int:

@@ -28,7 +28,10 @@ GROUP = 64
 """Work-items per group, unless an operation says otherwise."""
 
 STEPS_PER_LAUNCH = 1 << 26
-"""About how many steps of work-items a launch has at most: less than half a second's work."""
+"""About how many steps a launch has at most, unless its fewest work-items have more.
+
+Meant to be less than half a second's work.
+"""
 
 ITEMS_PER_LAUNCH = 1 << 14
 """So many work-items a launch may have in any case, since fewer would not fill a GPU."""
@@ -221,8 +224,9 @@ class Session:
     ) -> None:
         """Queue *kernel* for *count* work-items, rounded up to whole groups.
 
-        Many of them are cut into launches, none of which takes long; each work-item knows its
-        number all the same.  A bare Python number is refused as an argument: it has no width.
+        Many of them are cut into launches, of `STEPS_PER_LAUNCH` steps but no fewer than
+        `ITEMS_PER_LAUNCH` work-items; each work-item knows its number all the same.  A bare
+        Python number is refused as an argument: it has no width.
 
         Parameters
         ----------

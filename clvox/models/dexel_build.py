@@ -94,7 +94,7 @@ def dexelize(
         As for `voxelize`.
     memory_budget : int, optional
         Most bytes of device memory to take; by default what the device has.  The lists of an axis
-        are made in one piece, so a smaller budget is refused and not kept by slabs.
+        are made in one piece: what does not fit is refused, and not done piece by piece.
     progress : bool or callable, optional
         True draws a bar; a function is called with (done, total) triangles.  An exception that it
         raises ends the work.

@@ -345,7 +345,11 @@ class DexelModel:
 
     @property
     def volume(self) -> float:
-        """Volume of the pieces, each a bar of a voxel's section; rounded once."""
+        """Volume of the pieces, each a bar of a voxel's section.
+
+        Their sum in voxels is exact and then rounded; it is multiplied by `Grid.voxel_volume`,
+        a product of floats.
+        """
         return float(self._integrals.volume) * self.grid.voxel_volume
 
     @property

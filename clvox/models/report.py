@@ -18,8 +18,10 @@ class Report:
     fill : str
         The rule that says what is inside, see `voxelize`; "" for a model made of others.
     seconds : dict
-        Seconds per stage: snap, upload, mark, rank, clear, flip, carry,
-        attributes.
+        Seconds per stage.  `voxelize`: snap, upload, mark, rank, clear, flip and carry, those of
+        them that the levels and the fill need; by "vote" and "winding" upload, with the snapping
+        in it, and all the rest by the name of the fill; in either case attributes, if some are
+        kept.  `VoxelModel.updated`: compare, upload, which snaps, and flip.
     triangles : int
         Triangles cast; `repeated` were dropped since a vertex number repeats, of `duplicates`
         one each was kept, and `cancelled` lay back to back.

@@ -252,9 +252,9 @@ class VoxelModel:
         Raises
         ------
         MeshError
-            A triangle that is not listed has changed; a number is out of range; the number of
-            triangles is another; or the model is not that of one mesh, but was read from a file,
-            combined, compacted, or made from an array.
+            A number is out of range; the number of triangles is another; the model is not that
+            of one mesh, but was read from a file, combined, compacted, or made from an array; or,
+            by "parity", a triangle that is not listed has changed: other fills do not look.
         NotClosedError, NotOrientedError
             As for `voxelize`.
         GridError

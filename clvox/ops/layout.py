@@ -1,4 +1,4 @@
-"""The arrays of a two-level model on the device; docs/layouts draws them."""
+"""The arrays of a model, on one level, two or three, on the device; docs/layouts draws them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The two levels of a model: ranks, and from flipped bits to a solid: `cl_kernels/multilevel`."""
+"""Levels above the voxels: ranks, and from flipped bits to a solid: `cl_kernels/multilevel`."""
 
 from __future__ import annotations
 

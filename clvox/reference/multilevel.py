@@ -25,7 +25,10 @@ RANK_BITS = 256
 
 @dataclass(frozen=True)
 class Model:
-    """A two-level voxel model as plain arrays.
+    """A voxel model of two levels as plain arrays.
+
+    A model of three is held against two of these: its coarse cells are those of two levels with
+    the larger bricks, its level between and its voxels those of two levels with the smaller.
 
     Attributes
     ----------

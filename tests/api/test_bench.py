@@ -6,6 +6,7 @@ No test asserts a time.
 from __future__ import annotations
 
 import os
+import platform
 from collections.abc import Callable
 from pathlib import Path
 
@@ -162,6 +163,8 @@ def test_machine_says_what_is_needed(session: Session) -> None:
     assert here["versions"]["numpy"] == np.__version__
     assert "no-such-library" not in here["versions"]
     assert 1 <= here["cores"] <= (os.cpu_count() or 1)
+    assert here["os"].startswith(platform.system())
+    assert platform.release() not in here["os"]
 
 
 def test_slug_is_a_file_name() -> None:
