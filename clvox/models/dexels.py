@@ -303,7 +303,8 @@ class DexelModel:
         Raises
         ------
         GridError
-            The rays are not along z, the cutter is no `Cutter`, or the path is not of finite points.
+            The rays are not along z, the cutter is no `Cutter`, or the path is not of finite
+            points.
 
         Examples
         --------

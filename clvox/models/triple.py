@@ -90,9 +90,10 @@ class TripleDexelModel:
     def __repr__(self) -> str:
         nx, ny, nz = self.grid.shape
         size = f"{self.nbytes / 1e6:.1f} MB" if self.nbytes >= 1e5 else f"{self.nbytes} bytes"
+        crossings = sum(model._crossings.count for model in self.bundles)
         return (
             f"TripleDexelModel({nx} x {ny} x {nz} voxels' centres, "
-            f"{sum(model._crossings.count for model in self.bundles):,} crossings, {size} on {self.device})"
+            f"{crossings:,} crossings, {size} on {self.device})"
         )
 
     def __eq__(self, other: object) -> bool:
