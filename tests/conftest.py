@@ -21,11 +21,15 @@ hypothesis.settings.register_profile(
 hypothesis.settings.register_profile(
     "ci", hypothesis.settings.get_profile("default"), max_examples=200
 )
+# A second compiled implementation, after one that draws all examples.
+hypothesis.settings.register_profile(
+    "second", hypothesis.settings.get_profile("default"), max_examples=20
+)
 # Oclgrind interprets: some thousand times slower, and looking at accesses rather than values.
 hypothesis.settings.register_profile(
     "oclgrind",
     hypothesis.settings.get_profile("default"),
-    max_examples=5,
+    max_examples=3,
     suppress_health_check=[hypothesis.HealthCheck.too_slow],
 )
 hypothesis.settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "default"))
@@ -94,7 +98,7 @@ def data_file() -> Callable[[str], Path]:
     return find
 
 
-OCLGRIND_CASES = 4
+OCLGRIND_CASES = 3
 """Oclgrind runs so many of the cases of a test, spread over all of them."""
 
 

@@ -54,7 +54,7 @@ class Implementation:
 # In the order in which they run: the whole suite last, so that its closing line comes last too.
 IMPLEMENTATIONS = {
     "oclgrind": Implementation("Oclgrind", ("tests/kernels",), _oclgrind_driver, "oclgrind"),
-    "intel": Implementation("Intel(R) OpenCL", ("tests/kernels",), _intel_driver, "default"),
+    "intel": Implementation("Intel(R) OpenCL", ("tests/kernels",), _intel_driver, "second"),
     "pocl": Implementation("Portable Computing Language", ("tests",), _no_driver, "default"),
 }
 
@@ -102,9 +102,10 @@ def closing_file(name: str) -> Path:
 
 def run(name: str, arguments: list[str]) -> bool:
     """Run pytest on the implementation *name*; return whether all is well."""
-    # Kernels of tests are small: a process for each core keeps the machine busy.
-    chosen = arguments or ["--numprocesses", "auto", *IMPLEMENTATIONS[name].tests]
-    command = [sys.executable, "-m", "pytest", "-q", *chosen]
+    # Kernels of tests are small: a process for each core keeps the machine busy.  Tests of a file
+    # share programs, so they share a process.
+    whole = ["--numprocesses", "auto", "--dist", "loadfile", *IMPLEMENTATIONS[name].tests]
+    command = [sys.executable, "-m", "pytest", "-q", *(arguments or whole)]
     variables = environment(name)
     closing_file(name).unlink(missing_ok=True)
     for log in _oclgrind_logs():

@@ -21,9 +21,14 @@ INTERPRETED = os.environ.get("HYPOTHESIS_PROFILE") == "oclgrind"
 """Whether kernels run some thousand times slower, under a checker of accesses and not of values."""
 
 
+SHARES = {"oclgrind": 30, "second": 3}
+"""On a second compiled implementation the same cases are not all tried again."""
+
+
 def some(count: int, least: int = 2) -> int:
-    """How many cases to try: *count*, or a thirtieth where kernels are interpreted."""
-    return max(least, count // 30) if INTERPRETED else count
+    """How many cases to try: *count*, or a part of them as the profile of the run says."""
+    share = SHARES.get(os.environ.get("HYPOTHESIS_PROFILE", ""), 1)
+    return max(min(least, count), count // share)
 
 
 _programs: list[cl.Program] = []

@@ -28,7 +28,7 @@ from clvox.reference.attributes import (
     voxel_normals,
 )
 from clvox.reference.boundary import touching
-from tests.kernels.cases import build, facets_of, flat_triangles, meshes_for, soup
+from tests.kernels.cases import build, facets_of, flat_triangles, meshes_for, some, soup
 from tests.strategies import Mesh
 
 # Lattice bits, shape, brick, how triangles are spread over work-items, voxels in a pass.
@@ -57,7 +57,7 @@ def touched_by(
 
 
 def cases(bits: int, shape: Shape) -> list[Mesh]:
-    meshes = [*meshes_for(3, 3, bits, shape), flat_triangles(4, 20, bits, shape)]
+    meshes = [*meshes_for(3, some(3, 1), bits, shape), flat_triangles(4, some(20), bits, shape)]
     return [(vertices, faces.astype(np.int32)) for vertices, faces in meshes if len(faces)]
 
 

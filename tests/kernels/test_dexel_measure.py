@@ -14,7 +14,7 @@ from clvox.ops.dexels import Frame, Rule
 from clvox.ops.lists import CrossingLists
 from clvox.reference import dexels as twin
 from clvox.reference.crossings import AXES
-from tests.kernels.cases import INTERPRETED
+from tests.kernels.cases import some
 from tests.kernels.test_dexels import crossings_of, frame_of, read, upload
 from tests.strategies import adversarial_meshes
 
@@ -32,7 +32,7 @@ def solids(
     """Crossings of some meshes, and their pieces."""
     frame = frame_of(axis, bits, SHAPE)
     found = []
-    for mesh in adversarial_meshes(11, 4 if INTERPRETED else count, bits, SHAPE):
+    for mesh in adversarial_meshes(11, some(count), bits, SHAPE):
         lists = crossings_of(session, mesh, frame, bits)
         found.append((frame, lists, dexels.resolve(session, frame, lists, Rule.PARITY)))
     return found

@@ -22,6 +22,7 @@ from clvox.ops.fill import Winding
 from clvox.ops.layout import Bricks, Cells, Slab, cell_shape
 from clvox.ops.multilevel import Solid, carry, empty_solid, rank_cells
 from clvox.ops.scan import prefix_sum
+from tests.kernels.cases import some
 from tests.strategies import Mesh, adversarial_meshes, closed_meshes, join
 
 if TYPE_CHECKING:
@@ -105,7 +106,7 @@ def same(found: list[Any], expected: list[Any]) -> None:
 def test_slabs_and_parts_equal_the_whole(
     session: Session, sides: tuple[Shape, ...], rule: Winding | None
 ) -> None:
-    mesh = join(adversarial_meshes(7, 6, BITS, SHAPE))
+    mesh = join(adversarial_meshes(7, some(6), BITS, SHAPE))
     expected, _ = build(session, whole(session, mesh), sides, rule, None)
     layers = -(-SHAPE[2] // int(np.prod([side[2] for side in sides])))
     thin, count = build(session, chunks(mesh, 7), sides, rule, 0)
@@ -193,7 +194,7 @@ def test_progress_of_parts_is_that_of_the_whole(session: Session) -> None:
 def test_short_launches_give_the_same(
     session: Session, monkeypatch: pytest.MonkeyPatch, sides: tuple[Shape, ...], rule: Any
 ) -> None:
-    mesh = join(adversarial_meshes(9, 4, BITS, SHAPE))
+    mesh = join(adversarial_meshes(9, some(4, 1), BITS, SHAPE))
     expected, _ = build(session, whole(session, mesh), sides, rule, None)
     shorten(monkeypatch, 64)
     same(build(session, whole(session, mesh), sides, rule, None)[0], expected)
