@@ -34,8 +34,9 @@ __kernel void look_up(
     inside[id] = ray < 0 ? 0 : count_ends(offsets, depths, (ulong)ray, places[id]) & 1;
 }
 
-/* One work-item finds the first end behind one place; there is one.
- * found_depths, found_sides: (places,), its depth and its triangle * 2 + (1 if it goes in). */
+/* One work-item finds the first end behind one place.
+ * found_depths, found_sides: (places,), its depth and its triangle * 2 + (1 if it goes in); the
+ * depth is INT_MIN, which no end has, and the side 0, where no end of the ray lies behind. */
 __kernel void find_ends(
     const ulong count, const __global long *restrict rays, const __global int *restrict places,
     const __global ulong *restrict offsets, const __global int *restrict depths,
@@ -46,6 +47,10 @@ __kernel void find_ends(
     if (id >= count) return;
     const ulong ray = (ulong)rays[id];
     const ulong at = offsets[ray] + count_ends(offsets, depths, ray, places[id]);
+    const bool found = at < offsets[ray + 1];
+    found_depths[id] = INT_MIN;
+    found_sides[id] = 0;
+    if (!found) return;
     found_depths[id] = depths[at];
     found_sides[id] = sides[at];
 }

@@ -94,6 +94,7 @@ def _parser() -> argparse.ArgumentParser:
         default="parity",
         help="what is inside, where bodies overlap above all; parity if not given",
     )
+    _memory_budget(dexelize, "Work that needs more is refused")
     _output(dexelize, ".npz", required=False)
     dexelize.add_argument(
         "--thickness",
@@ -170,14 +171,18 @@ def _voxels() -> argparse.ArgumentParser:
         default="parity",
         help="which voxels are inside, where bodies overlap or a mesh is open; parity if not given",
     )
-    voxels.add_argument(
+    _memory_budget(voxels, "With less the work is done piece by piece")
+    return voxels
+
+
+def _memory_budget(parser: argparse.ArgumentParser, less: str) -> None:
+    parser.add_argument(
         "--memory-budget",
         type=_bytes,
         metavar="BYTES",
         help="bytes of the device that may be taken at once: 500000, 200M, 1.5G; by default most "
-        "of what it has free. With less the work is done piece by piece",
+        f"of what it has free. {less}",
     )
-    return voxels
 
 
 def _resolution(group: argparse._ActionsContainer) -> None:

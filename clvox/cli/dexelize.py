@@ -35,6 +35,7 @@ def dexelize(options: argparse.Namespace, console: Console) -> None:
             axis=options.axis,
             fill=options.fill,
             device=options.device,
+            memory_budget=options.memory_budget,
             progress=progress,
         )
     _tell(options.file, model, console)

@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from clvox.device import Session
 from clvox.errors import FormatError, GridError
-from clvox.grid import Grid
+from clvox.grid import MAX_BITS, MIN_BITS, Grid
 from clvox.models.dexel_sources import Source, Sources
+from clvox.ops.crossings import fraction_bits
 from clvox.ops.dexels import CAP, Frame, Rule
 from clvox.ops.lists import CrossingLists
 
@@ -22,7 +23,7 @@ RULES = ("", *(rule.name.lower() for rule in Rule))
 """What is inside, by the number in a file; 0 if the rows hold pieces."""
 
 _GRID = {"version", "origin", "spacing", "shape"}
-_RAYS = {"axis", "fraction_bits", "rule", "offsets", "depth", "side", "meshes"}
+_RAYS = {"axis", "lattice_bits", "fraction_bits", "rule", "offsets", "depth", "side", "meshes"}
 
 
 class Rays(NamedTuple):
@@ -32,6 +33,7 @@ class Rays(NamedTuple):
     """
 
     axis: int
+    lattice_bits: int
     fill: str
     crossings: CrossingLists
     meshes: Sequence[int]
@@ -60,6 +62,7 @@ def pack(grid: Grid, *bundles: Rays) -> dict[str, NDArray[Any]]:
         lists = rays.crossings
         arrays: dict[str, NDArray[Any]] = {
             "axis": np.array(rays.axis),
+            "lattice_bits": np.array(rays.lattice_bits),
             "fraction_bits": np.array(lists.fraction_bits),
             "rule": np.array(RULES.index(rays.fill)),
             "offsets": lists.offsets.get(),
@@ -96,8 +99,8 @@ def unpack_triple(
     x, y, z = (_rays(session, grid, record, _prefix(axis)) for axis in range(3))
     if (x.axis, y.axis, z.axis) != (0, 1, 2):
         raise FormatError("the model's bundles must be along x, y and z")
-    if len({x.crossings.fraction_bits, y.crossings.fraction_bits, z.crossings.fraction_bits}) > 1:
-        raise FormatError("the model's bundles must have depths with as many binary places")
+    if not x.lattice_bits == y.lattice_bits == z.lattice_bits:
+        raise FormatError("the model's bundles must have one lattice")
     return grid, (x, y, z)
 
 
@@ -120,7 +123,9 @@ def _rays(session: Session, grid: Grid, record: dict[str, NDArray[Any]], prefix:
     own = {name: record[prefix + name] for name in _RAYS}
     axis = _number(own, "axis", 0, 2)
     rule = _number(own, "rule", 0, len(RULES) - 1)
-    frame = Frame(grid.shape, axis, _number(own, "fraction_bits", 1, 18))
+    lattice_bits = _number(own, "lattice_bits", MIN_BITS, MAX_BITS)
+    places = fraction_bits(lattice_bits)
+    frame = Frame(grid.shape, axis, _number(own, "fraction_bits", places, places))
     if frame.shape[axis] << frame.fraction_bits > 1 << 31:
         raise FormatError("the model's depths do not fit 32 bits on this grid")
     offsets, depth, side, meshes = (own[name] for name in ("offsets", "depth", "side", "meshes"))
@@ -140,7 +145,7 @@ def _rays(session: Session, grid: Grid, record: dict[str, NDArray[Any]], prefix:
     _check_rows(frame, offsets.astype(np.int64), depth, side & np.uint32(1), pieces=rule == 0)
     held = [session.upload(array) for array in (offsets, depth, side.view(np.int32))]
     lists = CrossingLists(held[0], held[1], held[2], frame.fraction_bits)
-    return Rays(axis, RULES[rule], lists, meshes.tolist())
+    return Rays(axis, lattice_bits, RULES[rule], lists, meshes.tolist())
 
 
 def _check_rows(

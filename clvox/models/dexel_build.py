@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any, Literal, TypeAlias, get_args, overload
+from typing import Literal, TypeAlias, get_args, overload
 
 import numpy as np
 import trimesh
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from clvox.device import DeviceLike, Session, open_session
 from clvox.errors import GridError, MeshError
@@ -19,7 +19,6 @@ from clvox.models.memory import find_budget
 from clvox.models.telling import Told, drawn
 from clvox.models.triple import TripleDexelModel
 from clvox.ops import boundary
-from clvox.ops.crossings import fraction_bits
 from clvox.ops.facets import Progress, upload_facets
 from clvox.ops.lists import list_crossings
 from clvox.reference.fill import FillRule
@@ -157,23 +156,55 @@ def dexelize(
     return models[0] if len(models) == 1 else TripleDexelModel(*models)
 
 
+@overload
+def remade(
+    mesh: trimesh.Trimesh, transform: ArrayLike, grid: Grid, like: DexelModel
+) -> DexelModel: ...
+
+
+@overload
+def remade(
+    mesh: trimesh.Trimesh, transform: ArrayLike, grid: Grid, like: TripleDexelModel
+) -> TripleDexelModel: ...
+
+
 def remade(
     mesh: trimesh.Trimesh,
     transform: ArrayLike,
     grid: Grid,
     like: DexelModel | TripleDexelModel,
-) -> Any:
-    """Return dexels of *mesh* moved, on *grid*, that can be combined with those of *like*."""
+) -> DexelModel | TripleDexelModel:
+    """Return dexels of *mesh* moved, on *grid* and the lattice of *like*, to combine with it."""
+    matrix = _matrix(transform)
     if not len(mesh.faces):
         raise MeshError("nothing is inside, so there is nothing to move")
-    moved = mesh.copy().apply_transform(np.asarray(transform, dtype=np.float64))
+    moved = mesh.copy().apply_transform(matrix)
     bundle = like.x if isinstance(like, TripleDexelModel) else like
-    axis: Any = "xyz" if isinstance(like, TripleDexelModel) else bundle.axis
-    bits = Lattice.fit(grid, moved.bounds).bits
-    if fraction_bits(bits) != bundle.fraction_bits:
-        bits = bundle.fraction_bits - fraction_bits(0)
-    session = bundle._session
-    return dexelize(moved, grid=grid, axis=axis, lattice_bits=bits, device=session.device)
+    bits, device = bundle.lattice_bits, bundle._session.device
+    most = Lattice.fit(grid, moved.bounds).bits
+    if most < bits:
+        raise GridError(
+            f"where it is moved, the model and the grid span so much together that the lattice "
+            f"has room for {most} bits at most; the model has {bits}. Move it less far, move it "
+            f"to a grid that is nearer (grid=), or dexelize with lattice_bits={most} first."
+        )
+    if isinstance(like, TripleDexelModel):
+        return dexelize(moved, grid=grid, axis="xyz", lattice_bits=bits, device=device)
+    return dexelize(moved, grid=grid, axis=like.axis, lattice_bits=bits, device=device)
+
+
+def _matrix(transform: ArrayLike) -> NDArray[np.float64]:
+    """The transform, checked."""
+    try:
+        matrix = np.asarray(transform, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise GridError(f"transform must be (4, 4) numbers, got {transform!r}") from None
+    if matrix.shape != (4, 4) or not np.isfinite(matrix).all():
+        raise GridError(
+            f"transform must be (4, 4) finite numbers, got {matrix.tolist()} of the shape "
+            f"{matrix.shape}"
+        )
+    return matrix
 
 
 def _build(
@@ -217,5 +248,6 @@ def _build(
                 peak_nbytes=job.peak_nbytes,
                 warnings=surface.warnings,
             )
-            models.append(DexelModel(session, lattice.grid, axis, fill, lists, sources, report))
+            solid = fill, lattice.bits, lists
+            models.append(DexelModel(session, lattice.grid, axis, *solid, sources, report))
     return models

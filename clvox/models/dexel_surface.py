@@ -9,6 +9,7 @@ import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
+from clvox.errors import GridError
 from clvox.ops import dexel_measure
 
 if TYPE_CHECKING:
@@ -29,6 +30,11 @@ def move_vertices(mesh: trimesh.Trimesh, bundles: Iterable[DexelModel]) -> trime
     bundles
         Models whose samples inside are those that the mesh was made of.  If they are three, the
         result has vertex normals: those of the triangles that the rays cross.
+
+    Raises
+    ------
+    GridError
+        No end lies between two such samples: the bundles are not of one solid.
     """
     models = list(bundles)
     if not len(mesh.vertices):
@@ -46,6 +52,12 @@ def move_vertices(mesh: trimesh.Trimesh, bundles: Iterable[DexelModel]) -> trime
         rays = twice[own, v] // 2 * frame.across[0] + twice[own, u] // 2
         before = (twice[own, frame.axis] // 2 - 1) << frame.fraction_bits
         depth, side = dexel_measure.find_ends(session, pieces, rays, before.astype(np.int32))
+        beyond = depth - before
+        if ((beyond <= 0) | (beyond > 1 << frame.fraction_bits)).any():
+            raise GridError(
+                f"the bundle along {model.axis} is of another solid than the others: its rays do "
+                "not end where samples change. Make all three of one mesh: dexelize(axis='xyz')."
+            )
         vertices[own, frame.axis] = model._along(depth)
         facing = model._sources.normals((side >> 1).astype(np.int64))
         if facing is None or normals is None:

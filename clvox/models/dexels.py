@@ -83,12 +83,15 @@ class DexelModel:
         The direction of the rays.
     fill : str
         The rule that says what is inside, see `voxelize`; "" for a model made of others.
+    lattice_bits : int
+        Steps in a voxel, as a power of two, of the lattice that the solid was decided on.
     """
 
     _session: Session
     grid: Grid
     axis: Axis
     fill: str
+    lattice_bits: int
     _crossings: CrossingLists
     _sources: Sources
     _built: DexelReport
@@ -104,7 +107,8 @@ class DexelModel:
         model : VoxelModel
         axis : "x", "y" or "z"
         lattice_bits : int, optional
-            As for `dexelize`, so that the model can be combined with others.
+            As for `dexelize`, so that the model can be combined with others; by default that of
+            the mesh which the voxels were made of, if they were.
 
         Raises
         ------
@@ -114,11 +118,14 @@ class DexelModel:
         if axis not in AXES:
             raise GridError(f"axis must be 'x', 'y' or 'z', got {axis!r}")
         grid, session = model.grid, model._session
+        if lattice_bits is None and model._surfaces:
+            lattice_bits = model._surfaces[0][1].bits
         bits = Lattice.fit(grid, grid.bounds, bits=lattice_bits).bits
         frame = Frame(grid.shape, AXES.index(axis), fraction_bits(bits))
         bitmap = combine.rebrick(session, model._arrays, (grid.shape,)).voxels
         pieces = dexel_voxels.from_dense(session, frame, bitmap)
-        return cls(session, grid, axis, "", pieces, Sources(), DexelReport(str(session.device)))
+        report = DexelReport(str(session.device))
+        return cls(session, grid, axis, "", bits, pieces, Sources(), report)
 
     # What it is
 
@@ -296,7 +303,8 @@ class DexelModel:
         Raises
         ------
         GridError
-            The rays are not along z, or the path is not of finite points.
+            The rays are not along z, the cutter is no `Cutter`, or the path is not of finite
+            points.
 
         Examples
         --------
@@ -308,6 +316,11 @@ class DexelModel:
         """
         if self.axis != "z":
             raise GridError(f"a cutter's axis is z, so the rays must be along z, got {self.axis}")
+        if not isinstance(cutter, Cutter):
+            raise GridError(
+                f"cutter must be a Cutter, got {cutter!r}. Make one with Cutter.flat, Cutter.ball "
+                "or Cutter.bull."
+            )
         work = Work.of(self.grid, self._frame, self._pieces)
         took = [
             work.cut(number, cutter, start, stop)
@@ -335,11 +348,13 @@ class DexelModel:
         ------
         MeshError
             Nothing is inside.
+        GridError
+            The transform is not (4, 4) finite numbers, or takes the model so far from the grid
+            that this model's lattice does not hold both.
         """
         from clvox.models.dexel_build import remade
 
-        made: DexelModel = remade(self.to_mesh(), transform, grid or self.grid, self)
-        return made
+        return remade(self.to_mesh(), transform, grid or self.grid, self)
 
     # Measures
 
@@ -485,7 +500,8 @@ class DexelModel:
     def to_record(self) -> dict[str, NDArray[Any]]:
         """Return the grid and the arrays of the model, as docs/layouts describes them."""
         counts = [mesh.triangles for mesh in self._sources.meshes]
-        rays = dexel_archive.Rays(AXES.index(self.axis), self.fill, self._crossings, counts)
+        axis = AXES.index(self.axis)
+        rays = dexel_archive.Rays(axis, self.lattice_bits, self.fill, self._crossings, counts)
         return dexel_archive.pack(self.grid, rays)
 
     # Inside
@@ -540,10 +556,11 @@ class DexelModel:
                 f"the models are on different rays: along {self.axis} of {self.grid} and along "
                 f"{other.axis} of {other.grid}. Dexelize both on one grid (grid=) and axis."
             )
-        if self.fraction_bits != other.fraction_bits:
+        if self.lattice_bits != other.lattice_bits:
+            bits = sorted([self.lattice_bits, other.lattice_bits])
             raise GridError(
-                f"the models' depths have {self.fraction_bits} and {other.fraction_bits} binary "
-                "places. Dexelize both with one lattice_bits=, the smaller one."
+                f"the models are on different lattices of the grid {self.grid}: lattice_bits are "
+                f"{' and '.join(map(str, bits))}. Dexelize both with the smaller one."
             )
         session, frame = self._session, self._frame
         other = other._on(session)
@@ -559,7 +576,8 @@ class DexelModel:
     def _with(self, pieces: CrossingLists, sources: Sources) -> DexelModel:
         """A model that another one became."""
         report = DexelReport(self.device)
-        return DexelModel(self._session, self.grid, self.axis, "", pieces, sources, report)
+        rays = self._session, self.grid, self.axis
+        return DexelModel(*rays, "", self.lattice_bits, pieces, sources, report)
 
     def _on(self, session: Session) -> DexelModel:
         """The same model on the device of *session*."""
@@ -588,8 +606,8 @@ def from_rays(
     """Return the model of arrays that were read."""
     report = report or DexelReport(str(session.device))
     sources = sources or dexel_archive.sources_of(rays)
-    axis = AXES[rays.axis]
-    return DexelModel(session, grid, axis, rays.fill, rays.crossings, sources, report)
+    solid = rays.fill, rays.lattice_bits, rays.crossings
+    return DexelModel(session, grid, AXES[rays.axis], *solid, sources, report)
 
 
 def _restore(record: dict[str, NDArray[Any]], report: DexelReport, sources: Sources) -> DexelModel:

@@ -246,7 +246,12 @@ def moves_of(path: ArrayLike) -> Iterator[tuple[Floats, Floats]]:
     GridError
         It has not that shape, or a number is not finite.
     """
-    points: Any = np.asarray(path, dtype=np.float64)
+    try:
+        points: Any = np.asarray(path, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise GridError(
+            f"a path must be (n, 3) numbers, a point in each row, got {path!r}"
+        ) from None
     if points.ndim != 2 or points.shape[1] != 3 or len(points) < 2:
         raise GridError(f"a path has the shape (n, 3), two points at least, got {points.shape}")
     if not np.isfinite(points).all():

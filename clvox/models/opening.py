@@ -8,7 +8,7 @@ from typing import Any
 from clvox.device import DeviceLike, open_session
 from clvox.models import archive, dexel_archive
 from clvox.models.dexels import from_rays
-from clvox.models.triple import restore_triple
+from clvox.models.triple import require_agreement, restore_triple
 from clvox.models.voxels import restore
 
 
@@ -23,13 +23,18 @@ def open_model(path: str | os.PathLike[str], *, device: DeviceLike = None) -> An
     Raises
     ------
     FormatError
-        The file is not such a model, or is damaged.
+        The file is not such a model, or is damaged; or the bundles of a triple dexel model differ
+        at the centre of a voxel.
+    OutOfMemoryError
+        The device has no room for it; a triple dexel model needs a bit for each voxel besides.
     """
     record = archive.read(path)
     if not dexel_archive.holds_dexels(record):
         return restore(record, None, (), device)
     if "offsets" not in record:
-        return restore_triple(record, [None] * 3, [None] * 3, device)
+        triple = restore_triple(record, [None] * 3, [None] * 3, device)
+        require_agreement(triple)
+        return triple
     session = open_session(device)
     grid, rays = dexel_archive.unpack(session, record)
     return from_rays(session, grid, rays)

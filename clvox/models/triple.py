@@ -12,6 +12,7 @@ import trimesh
 from numpy.typing import ArrayLike, NDArray
 
 from clvox.device import open_session
+from clvox.errors import FormatError, GridError
 from clvox.grid import Grid
 from clvox.models import archive, dexel_archive
 from clvox.models.dexel_sources import Sources
@@ -19,6 +20,7 @@ from clvox.models.dexel_surface import move_vertices
 from clvox.models.dexels import AXES, DexelModel, DexelReport, from_rays
 from clvox.models.levels import Levels
 from clvox.models.voxels import VoxelModel
+from clvox.ops import dexel_voxels
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -32,11 +34,38 @@ class TripleDexelModel:
     ----------
     x, y, z : DexelModel
         The bundles.
+
+    Raises
+    ------
+    GridError
+        They are not along x, y and z in this order, or not on one grid and lattice.
     """
 
     x: DexelModel
     y: DexelModel
     z: DexelModel
+
+    def __post_init__(self) -> None:
+        for model in self.bundles:
+            if not isinstance(model, DexelModel):
+                raise GridError(f"the bundles must be three DexelModels, got {model!r}")
+        axes = tuple(model.axis for model in self.bundles)
+        if axes != AXES:
+            raise GridError(
+                f"the bundles must be along x, y and z, in this order, got {', '.join(axes)}"
+            )
+        if len({model.grid for model in self.bundles}) > 1:
+            raise GridError(
+                "the bundles must be on one grid, got "
+                f"{', '.join(str(model.grid) for model in self.bundles)}. Dexelize all on one "
+                "(grid=)."
+            )
+        bits = [model.lattice_bits for model in self.bundles]
+        if len(set(bits)) > 1:
+            raise GridError(
+                f"the bundles must be on one lattice, got lattice_bits of {bits}. Dexelize all "
+                "with the smallest."
+            )
 
     @property
     def bundles(self) -> tuple[DexelModel, DexelModel, DexelModel]:
@@ -61,9 +90,10 @@ class TripleDexelModel:
     def __repr__(self) -> str:
         nx, ny, nz = self.grid.shape
         size = f"{self.nbytes / 1e6:.1f} MB" if self.nbytes >= 1e5 else f"{self.nbytes} bytes"
+        crossings = sum(model._crossings.count for model in self.bundles)
         return (
             f"TripleDexelModel({nx} x {ny} x {nz} voxels' centres, "
-            f"{sum(len(model) for model in self._lists):,} crossings, {size} on {self.device})"
+            f"{crossings:,} crossings, {size} on {self.device})"
         )
 
     def __eq__(self, other: object) -> bool:
@@ -106,8 +136,7 @@ class TripleDexelModel:
         """Return the model moved, by way of its mesh: see `DexelModel.moved`."""
         from clvox.models.dexel_build import remade
 
-        made: TripleDexelModel = remade(self.to_mesh(), transform, grid or self.grid, self)
-        return made
+        return remade(self.to_mesh(), transform, grid or self.grid, self)
 
     # Measures, of which the rays along each axis give one
 
@@ -154,6 +183,11 @@ class TripleDexelModel:
         -------
         trimesh.Trimesh
             Without triangles if no sample is inside.
+
+        Raises
+        ------
+        GridError
+            The bundles are not of one solid.
         """
         return move_vertices(self.to_voxels().to_mesh(), self.bundles)
 
@@ -166,6 +200,7 @@ class TripleDexelModel:
         bundles = [
             dexel_archive.Rays(
                 AXES.index(model.axis),
+                model.lattice_bits,
                 model.fill,
                 model._crossings,
                 [mesh.triangles for mesh in model._sources.meshes],
@@ -175,10 +210,6 @@ class TripleDexelModel:
         return dexel_archive.pack(self.grid, *bundles)
 
     # Inside
-
-    @property
-    def _lists(self) -> list[range]:
-        return [range(model._crossings.count) for model in self.bundles]
 
     def _combined(
         self,
@@ -205,6 +236,25 @@ def restore_triple(
         for rays, report, meshes in zip(bundles, reports, sources, strict=True)
     )
     return TripleDexelModel(x, y, z)
+
+
+def require_agreement(model: TripleDexelModel) -> None:
+    """Refuse a model that was read whose bundles differ at the centre of a voxel.
+
+    Raises
+    ------
+    FormatError
+        They do.
+    OutOfMemoryError
+        There is no room for a bit for each voxel of the grid.
+    """
+    # On the host, so that the device holds the samples of one bundle at a time.
+    x, y, z = (
+        dexel_voxels.to_dense(bundle._session, bundle._frame, bundle._pieces).get()
+        for bundle in model.bundles
+    )
+    if not (np.array_equal(x, y) and np.array_equal(x, z)):
+        raise FormatError("the model's bundles disagree on which voxel centres are inside")
 
 
 def _restore(

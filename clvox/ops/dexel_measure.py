@@ -15,6 +15,9 @@ from clvox.ops.lists import CrossingLists
 RUN = 64
 """Rays in a row that one work-item sums over."""
 
+NOWHERE = -(1 << 31)
+"""Depth of an end that there is not: below that of any other."""
+
 SLAB_BYTES = 1 << 26
 """About how much of the lengths in cells is on the device at once."""
 
@@ -147,7 +150,7 @@ def look_up(
 def find_ends(
     session: Session, pieces: CrossingLists, rays: NDArray[np.int64], places: NDArray[np.int32]
 ) -> tuple[NDArray[np.int32], NDArray[np.uint32]]:
-    """Return depth and side of the first end behind each place; there must be one."""
+    """Return depth and side of the first end behind each place; `NOWHERE` and 0 if none is."""
     depth, side = session.empty(rays.size, np.int32), session.empty(rays.size, np.uint32)
     if rays.size:
         kernel = session.kernel("dexels/search_rows.cl", "find_ends")

@@ -123,21 +123,25 @@ def list_crossings(
     defines |= {"SIDE": side, "SHORT": short, "GROUP": group}
     inputs = facets.faces, facets.vertices, starts, triangles
 
-    def run(name: str, sink: int, *outputs: Argument) -> None:
+    def run(name: str, sink: int, work: int, *outputs: Argument) -> None:
+        # About what each of the work-items does, if all tiles are alike.
+        steps = -(-work // (tiles * group))
         kernel = session.kernel("lists/list_tiles.cl", name, SINK=sink, **defines)
         for first in range(0, tiles, TILES_PER_LAUNCH):
             last = min(first + TILES_PER_LAUNCH, tiles)
             span = np.uint64(first), np.uint64(last), window.box
-            session.run(kernel, (last - first) * group, *span, *inputs, *outputs, group=group)
+            items = (last - first) * group
+            session.run(kernel, items, *span, *inputs, *outputs, group=group, steps=steps)
 
-    run("count_tile", _COUNT, rows, offsets)
+    looks = window.rays + triangles.size
+    run("count_tile", _COUNT, looks, rows, offsets)
     row_starts, total = prefix_sum(session, rows, bits=64)
     depth, sides = session.empty(total, np.int32), session.empty(total, np.int32)
     room = max(1, min(window.rays, total // (short + 1)))
     found = session.zeros(2, np.uint32)
     listed, lengths = session.empty(room, np.uint64), session.zeros(room + 1, np.uint32)
     lists, long_rows = (offsets, depth, sides), (found, listed, lengths)
-    run("write_tile", _EMIT, np.uint64(total), row_starts, *lists, *long_rows)
+    run("write_tile", _EMIT, looks + total, np.uint64(total), row_starts, *lists, *long_rows)
     if total:
         _sort_long(session, lists, int(found.get()[0]), listed, lengths, short)
     return CrossingLists(offsets, depth, sides, fraction_bits(bits))

@@ -49,6 +49,14 @@ def test_three_axes(torus: Path, tmp_path: Path, capsys: pytest.CaptureFixture[s
     assert clvox.open(out) == model
 
 
+def test_memory_budget(torus: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    command = ["dexelize", str(torus), "-r", "24", "--quiet", "--memory-budget"]
+    assert main([*command, "200M"]) == 0
+    capsys.readouterr()
+    assert main([*command, "10k"]) == 1
+    assert "memory" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
     "arguments",
     [

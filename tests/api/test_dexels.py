@@ -432,7 +432,7 @@ def test_odd_rays_are_told_with_their_triangles() -> None:
         model.fraction_bits,
     )
     report = DexelModel(
-        model._session, model.grid, "z", "parity", broken, model._sources, model._built
+        model._session, model.grid, "z", "parity", 12, broken, model._sources, model._built
     ).report
     assert report.odd_rays == 1
     assert report.odd_triangles == tuple(sorted(set(model.triangles[first:-1].tolist())))
@@ -508,7 +508,8 @@ DAMAGE: dict[str, Callable[[Record], object]] = {
     "grid makes no sense": lambda r: r.update(spacing=np.zeros(3)),
     "axis must be": lambda r: r.update(axis=np.array(3)),
     "rule must be": lambda r: r.update(rule=np.array(9)),
-    "fraction_bits must be": lambda r: r.update(fraction_bits=np.array(19)),
+    "lattice_bits must be": lambda r: r.update(lattice_bits=np.array(15)),
+    "fraction_bits must be": lambda r: r.update(fraction_bits=np.array(17)),
     "array offsets must be": lambda r: r.update(offsets=r["offsets"][1:]),
     "array depth must be": lambda r: r.update(depth=r["depth"].astype(np.int64)),
     "array side must be": lambda r: r.update(side=r["side"][1:]),
@@ -537,6 +538,7 @@ def test_a_damaged_triple_is_refused(tmp_path: Path) -> None:
     for words, change in {
         "arrays are": {"depth": np.zeros(1)},
         "along x, y and z": {"y_axis": np.array(0)},
+        "must have one lattice": {"y_lattice_bits": np.array(11)},
     }.items():
         cube = Grid((-2, -2, -2), 0.2, (20, 20, 20))
         record = clvox.dexelize(PARTS[0], grid=cube, axis="xyz").to_record()
@@ -545,7 +547,60 @@ def test_a_damaged_triple_is_refused(tmp_path: Path) -> None:
             clvox.open(path)
 
 
+def test_a_file_of_bundles_that_disagree_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "model.npz"
+    for fill in get_args(FillRule):
+        made = clvox.dexelize(PARTS[0], grid=GRID, axis="xyz", lattice_bits=12, fill=fill)
+        for other in (made.z - made.z, dexelize(PARTS[2], "z"), ~made.z):
+            made.save(path)
+            assert clvox.open(path) == made
+            TripleDexelModel(made.x, made.y, other).save(path)
+            with pytest.raises(FormatError, match="bundles disagree on which voxel centres"):
+                clvox.open(path)
+
+
+def test_the_lattice_comes_back_from_files_and_is_kept(tmp_path: Path) -> None:
+    model = clvox.dexelize(PARTS[0], grid=GRID, lattice_bits=11)
+    model.save(tmp_path / "model.npz")
+    voxels = clvox.voxelize(PARTS[0], grid=GRID, lattice_bits=11)
+    found = [
+        clvox.open(tmp_path / "model.npz"),
+        pickle.loads(pickle.dumps(model)),  # noqa: S301
+        ~model,
+        model - model,
+        DexelModel.from_voxels(voxels),
+        model.moved(np.eye(4)),
+    ]
+    for one in found:
+        assert one.lattice_bits == 11
+        assert (one | model).lattice_bits == 11
+
+
 # What is refused
+
+
+def test_bundles_that_do_not_belong_together_are_refused() -> None:
+    t = triple(PARTS[0])
+    with pytest.raises(GridError, match="along x, y and z, in this order, got z, z, z"):
+        TripleDexelModel(t.z, t.z, t.z)
+    with pytest.raises(GridError, match="must be on one grid"):
+        TripleDexelModel(t.x, t.y, clvox.dexelize(PARTS[0], resolution=10))
+    with pytest.raises(GridError, match=r"on one lattice, got lattice_bits of \[12, 12, 14"):
+        TripleDexelModel(t.x, t.y, clvox.dexelize(PARTS[0], grid=GRID, lattice_bits=14))
+    with pytest.raises(GridError, match="must be three DexelModels"):
+        TripleDexelModel(t.x, t.y, t)  # type: ignore[arg-type]
+
+
+def test_bundles_of_other_solids_have_no_mesh() -> None:
+    t, other = triple(PARTS[0]), triple(PARTS[2])
+    for bundles in (
+        (t.x, t.y, t.z - t.z),
+        (t.x - t.x, t.y, t.z),
+        (t.x, t.y, other.z),
+        (other.x, t.y, t.z),
+    ):
+        with pytest.raises(GridError, match="is of another solid than the others"):
+            TripleDexelModel(*bundles).to_mesh()
 
 
 def test_models_on_other_rays_are_not_combined() -> None:
@@ -556,8 +611,11 @@ def test_models_on_other_rays_are_not_combined() -> None:
     with pytest.raises(GridError, match="different rays"):
         model - other
     coarse = clvox.dexelize(PARTS[0], grid=GRID, axis="z", lattice_bits=8)
-    with pytest.raises(GridError, match="18 and 15 binary places"):
+    with pytest.raises(GridError, match="lattice_bits are 8 and 12"):
         model ^ coarse
+    # Depths of both have 18 binary places.
+    with pytest.raises(GridError, match="lattice_bits are 12 and 14"):
+        model | clvox.dexelize(PARTS[0], grid=GRID, axis="z", lattice_bits=14)
     assert model != coarse
     assert model != dexelize(PARTS[0], "x")
     assert model != "model"

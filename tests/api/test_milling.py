@@ -133,6 +133,10 @@ def test_what_makes_no_sense_is_refused() -> None:
     for path in ([(0, 0, 0)], [0, 0, 0], [(0, 0), (1, 1)]):
         with pytest.raises(GridError, match="a path has the shape"):
             model.cut(CUTTERS[0], path)
+    with pytest.raises(GridError, match=r"a path must be \(n, 3\) numbers"):
+        model.cut(CUTTERS[0], [(0, 0, 0), (1, 1)])
+    with pytest.raises(GridError, match="cutter must be a Cutter, got 'ball'"):
+        model.cut("ball", [(0, 0, 0), (1, 1, 1)])  # type: ignore[arg-type]
     with pytest.raises(GridError, match="finite"):
         model.cut(CUTTERS[0], [(0, 0, np.nan), (1, 1, 1)])
     sideways = clvox.dexelize(trimesh.creation.box(), resolution=8, axis="x")
@@ -156,6 +160,23 @@ def test_a_model_is_clamped_anew(axis: str) -> None:
     assert (found | model).volume > model.volume
     with pytest.raises(clvox.MeshError, match="nothing to move"):
         (model - model).moved(turn)
+
+
+def test_transforms_that_make_no_sense_are_refused() -> None:
+    grid = Grid((-1, -1, -1), 0.1, (20, 20, 20))
+    for axis in ("z", "xyz"):
+        model = clvox.dexelize(trimesh.creation.icosphere(), grid=grid, axis=axis)
+        with pytest.raises(GridError, match=r"\(4, 4\) finite numbers, got .* shape \(3, 3\)"):
+            model.moved(np.eye(3))
+        with pytest.raises(GridError, match=r"transform must be \(4, 4\) finite numbers"):
+            model.moved(np.full((4, 4), np.nan))
+        with pytest.raises(GridError, match=r"transform must be \(4, 4\) numbers"):
+            model.moved([[1, 0], [1]])
+        far = np.eye(4)
+        far[0, 3] = 200
+        with pytest.raises(GridError, match="the model has 14") as refused:
+            model.moved(far)
+        assert "lattice_bits=14" not in str(refused.value)
 
 
 def test_moved_models_combine_on_a_coarse_lattice() -> None:

@@ -142,3 +142,13 @@ def test_places_are_inside_where_the_twin_says(session: Session, axis: Axis) -> 
         assert depth.tolist() == [end.depth for _, _, end in held]
         caps = [dexels.CAP if end.triangle == twin.CAP else end.triangle for _, _, end in held]
         assert (side >> 1).tolist() == caps
+
+
+@every_axis
+def test_behind_the_last_end_there_is_none(session: Session, axis: Axis) -> None:
+    for frame, _, pieces in solids(session, axis, 12):
+        rays = np.arange(frame.rays)
+        places = np.full(frame.rays, frame.box[1], np.int32)
+        depth, side = dexel_measure.find_ends(session, pieces, rays, places)
+        assert set(depth.tolist()) == {dexel_measure.NOWHERE}
+        assert not side.any()

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import pyopencl as cl
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from clvox.device import session as sessions
 from clvox.grid import Axis, Shape
 from clvox.ops.crossings import Window, fraction_bits
 from clvox.ops.facets import Facets, upload_facets
@@ -114,6 +116,27 @@ def test_tiles_groups_and_short_rows_change_nothing(
             direct=direct, side=side, short=short, group=group,
         )  # fmt: skip
         assert_same(found, expected)
+
+
+def test_many_triangles_to_a_tile_are_cut_into_launches(
+    session: Session, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    launches: dict[str, list[int]] = {"count_tile": [], "write_tile": []}
+    enqueue = cl.enqueue_nd_range_kernel
+
+    def note(queue: Any, kernel: cl.Kernel, items: tuple[int, ...], *rest: Any) -> Any:
+        launches.get(kernel.function_name, []).append(items[0])
+        return enqueue(queue, kernel, items, *rest)
+
+    mesh = join([box((-1, -1, at), (6, 5, at + 1), 8) for at in range(-1, 4)] * 3)
+    facets = upload(session, mesh)
+    expected = twin.list_crossings(*mesh, 8, SHAPE, "z", fraction_bits(8))
+    monkeypatch.setattr(cl, "enqueue_nd_range_kernel", note)
+    monkeypatch.setattr(sessions, "STEPS_PER_LAUNCH", 120)
+    monkeypatch.setattr(sessions, "ITEMS_PER_LAUNCH", 64)
+    assert_same(list_crossings(session, facets, 8, SHAPE, 2, side=1, group=4), expected)
+    # Thirty tiles, of which one launch could have all if they had a step of work each.
+    assert launches == {"count_tile": [64, 56], "write_tile": [64, 56]}
 
 
 @every_axis
