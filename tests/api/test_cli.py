@@ -8,7 +8,7 @@ import re
 import signal
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Generator
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -479,7 +479,16 @@ def test_no_room_on_the_computer(
     assert "no room for the work: Unable to allocate" in fails(capsys, "voxelize", ball, "-r", "8")
 
 
+@pytest.fixture
+def listening() -> Generator[None, None, None]:
+    """SIGINT interrupts, although a shell has jobs in the background ignore it."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
 @pytest.mark.skipif(os.name == "nt", reason="Windows has no such signal")
+@pytest.mark.usefixtures("listening")
 @pytest.mark.parametrize("where", ["voxelize", "write"])
 def test_ctrl_c(
     ball: Path, where: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
@@ -505,6 +514,7 @@ def test_ctrl_c_in_a_process_of_its_own(ball: Path, shell: Shell) -> None:
     """The interpreter, too, leaves without a word."""
     script = (
         "import os, signal, sys\nimport clvox.models.construct as construct\n"
+        "signal.signal(signal.SIGINT, signal.default_int_handler)\n"
         "from clvox.cli import main\n"
         "construct.rank_cells = lambda *_: os.kill(os.getpid(), signal.SIGINT)\n"
         f"sys.exit(main(['voxelize', {str(ball)!r}, '-r', '64', '-o', 'a.npz']))\n"
