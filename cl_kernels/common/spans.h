@@ -20,9 +20,10 @@ static inline float inverse_of(const long step)
 }
 
 /* Keeps the places p of a span where edge + p * step >= 0.
- * The quotient in float32 is within 1/8 of the root, wherever that lies on the row or one place
- * beside it; so the root's nearest integer, or the place beside it, is the end, and one exact sign
- * tells which. */
+ * Two conversions, a division (2.5 units in the last place are the worst that OpenCL allows) and a
+ * product are wrong by less than 2^-21 of the root in all.  So wherever the root lies on the row or
+ * one place beside it, the float is within 1/8 of it: the nearest integer, or the place beside it,
+ * is the end, and one exact sign tells which. */
 static inline void narrow(Span *span, const long edge, const long step, const float inverse)
 {
     if (step == 0) {
