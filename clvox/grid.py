@@ -10,7 +10,7 @@ from typing import Any, Literal, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from clvox._blocks import in_blocks
+from clvox._blocks import BLOCK, in_blocks
 from clvox.errors import GridError
 
 Axis: TypeAlias = Literal["x", "y", "z"]
@@ -256,17 +256,22 @@ class Lattice:
         -------
         (n, 3) int32
         """
-        where = np.asarray(points, dtype=np.float64)
+        where = np.ascontiguousarray(points, dtype=np.float64)
         steps = np.empty(where.shape, dtype=np.int32)
+        flat, flat_steps = where.reshape(-1), steps.reshape(-1)
+        # Repeated for as many rows as a block has: loops over three numbers would cost thrice.
+        rows = min(len(where), BLOCK)
+        origins, spacings = np.tile(self.grid.origin, rows), np.tile(self.grid.spacing, rows)
 
         def part(start: int, stop: int) -> None:
             # In this order of operations, which is part of what docs/algorithms promises.
-            buffer = where[start:stop] - self.grid.origin
-            buffer /= self.grid.spacing
+            size = 3 * (stop - start)
+            buffer = flat[3 * start : 3 * stop] - origins[:size]
+            buffer /= spacings[:size]
             buffer -= 0.5
             buffer *= 2.0**self.bits
             np.rint(buffer, out=buffer)
-            steps[start:stop] = buffer
+            flat_steps[3 * start : 3 * stop] = buffer
 
         in_blocks(part, len(where))
         return steps

@@ -18,10 +18,13 @@ __kernel void count_flat(
     uint count = 0;
     for (ulong triangle = start; triangle < min(start + RUN, n); ++triangle) {
         const int3 a = vload3((ulong)faces[3 * triangle], vertices);
-        const long3 b = convert_long3(vload3((ulong)faces[3 * triangle + 1], vertices) - a);
-        const long3 c = convert_long3(vload3((ulong)faces[3 * triangle + 2], vertices) - a);
-        /* Products of differences below 2^24: exact. */
-        count += b.y * c.z == b.z * c.y && b.z * c.x == b.x * c.z && b.x * c.y == b.y * c.x;
+        const int3 b = vload3((ulong)faces[3 * triangle + 1], vertices) - a;
+        const int3 c = vload3((ulong)faces[3 * triangle + 2], vertices) - a;
+        /* Differences are below 2^24 and products below 2^48; what differs in its low 32 bits
+         * differs, and few triangles agree there. */
+        if ((uint)b.y * (uint)c.z != (uint)b.z * (uint)c.y) continue;
+        count += (long)b.y * c.z == (long)b.z * c.y && (long)b.z * c.x == (long)b.x * c.z
+              && (long)b.x * c.y == (long)b.y * c.x;
     }
     counts[get_global_id(0)] = count;
 }
