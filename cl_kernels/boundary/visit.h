@@ -25,35 +25,48 @@
 #include "common/tiles.h"
 #include "boundary/overlap.h"
 
-/* The columns of a row, from the first on, that meet the triangle's shadow. */
-static inline Span columns_in_row(const Solid *s, const int u, const int first, const int last)
+/* All cells in some columns of a row, first to last, that the triangle touches. */
+static inline void mark_row(
+    Sink *sink, const Solid *s, const int i, const int first, const int last,
+    const ulong triangle)
 {
-    Span span = {0, last - first};
-    const int v = first * s->cell.y - HALF_STEP;
-    for (int i = 0; i < 3; ++i) {
-        const Side side = s->uv[i];
-        const long step = (long)side.along_q * s->cell.y;
-        narrow(&span, side_of(side, u, v), step, inverse_of(step));
+    const int u = i * s->cell.x - HALF_STEP;
+    for (int j = first; j <= last; ++j) {
+        const int v = j * s->cell.y - HALF_STEP;
+        if (!column_meets(s, u, v)) continue;
+        const int2 depths = depths_in_column(s, u, v);
+        for (int k = depths.x; k <= depths.y; ++k)
+            if (cell_meets(s, u, v, k * s->cell.z - HALF_STEP))
+                mark(sink, restore((int3)(i, j, k), s->axis), triangle);
     }
-    return span;
 }
 
-/* All cells in a box of columns that the triangle touches. */
-static void mark_columns(
-    Sink *sink, const Solid *s, const int4 box, const ulong triangle)
+/* All cells in a box of columns. */
+static void mark_columns(Sink *sink, const Solid *s, const int4 box, const ulong triangle)
 {
-    const bool wide = box.w - box.y >= WIDE;
-    for (int i = box.x; i <= box.z; ++i) {
-        const int u = i * s->cell.x - HALF_STEP;
-        const Span span = wide ? columns_in_row(s, u, box.y, box.w) : (Span){0, box.w - box.y};
-        for (int j = box.y + span.first; j <= box.y + span.last; ++j) {
-            const int v = j * s->cell.y - HALF_STEP;
-            if (!column_meets(s, u, v)) continue;
-            const int2 depths = depths_in_column(s, u, v);
-            for (int k = depths.x; k <= depths.y; ++k)
-                if (cell_meets(s, u, v, k * s->cell.z - HALF_STEP))
-                    mark(sink, restore((int3)(i, j, k), s->axis), triangle);
-        }
+    for (int i = box.x; i <= box.z; ++i) mark_row(sink, s, i, box.y, box.w, triangle);
+}
+
+/* What the columns of rows from `row` on, and column `first` of them, are narrowed to by a side of
+ * the shadow. */
+static inline Bounds bounds_by(
+    const Solid *s, const Side side, const int row, const int first, const int last)
+{
+    const long value = side_of(side, row * s->cell.x - HALF_STEP, first * s->cell.y - HALF_STEP);
+    return bounds_of(value, (long)side.along_q * s->cell.y, -(long)side.along_p * s->cell.x,
+                     last - first);
+}
+
+/* The same, with few of the columns tried that the shadow does not meet. */
+static void mark_tile(Sink *sink, const Solid *s, const int4 box, const ulong triangle)
+{
+    for (int block = box.x; block <= box.z; block += ROWS) {
+        Spans spans;
+        spans_of(&spans, bounds_by(s, s->uv[0], block, box.y, box.w),
+                 bounds_by(s, s->uv[1], block, box.y, box.w),
+                 bounds_by(s, s->uv[2], block, box.y, box.w), box.w - box.y);
+        for (int k = 0; k < min(box.z - block + 1, ROWS); ++k)
+            mark_row(sink, s, block + k, box.y + spans.first[k], box.y + spans.last[k], triangle);
     }
 }
 
@@ -169,7 +182,7 @@ __kernel VISIT_HINT void mark_tiles(
     const int4 box = make_solid(&s, faces, vertices, list[item], grid.xyz);
     Sink sink = MAKE_SINK(grid);
     const int4 part = tile_box(box, rows_of(&s, box), (uint)(pair - offsets[item]));
-    mark_columns(&sink, &s, part, list[item]);
+    mark_tile(&sink, &s, part, list[item]);
     finish(&sink);
 }
 

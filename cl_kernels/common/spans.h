@@ -1,40 +1,76 @@
 /*
- * common/spans.h: where along a row an edge function is not negative, solved for.
+ * common/spans.h: where along each row of a box three linear functions may all be at least 0.
  *
- * Scanning a row costs more than solving from about WIDE places on.
+ * The root of such a function moves along by the same step from row to row, so a block of rows
+ * costs three divisions, and a row some sums that a vector unit does for many rows at once.
+ * Slivers run through many rows and meet few places of them, or none.
  */
 #ifndef CLVOX_SPANS_H
 #define CLVOX_SPANS_H
 
-#define WIDE 12
+#define ROWS 32
 
-/* Places first to last along a row, both included, within [0, 2^17]. */
+/* Places first[k] to last[k], both included, along row k of a block; none if last < first. */
 typedef struct {
-    int first, last;
-} Span;
+    int first[ROWS], last[ROWS];
+} Spans;
 
-/* -1 / step, as narrow() takes it. */
-static inline float inverse_of(const long step)
+/* What one function leaves of a row: places from `low` to `high`, of which one is fixed; the other
+ * moves by its step from row to row. */
+typedef struct {
+    float low, low_step, high, high_step;
+} Bounds;
+
+/* The function is value + place * step + row * rise; all three below 2^62.
+ * Four conversions, a division (2.5 units in the last place are the worst that OpenCL allows), two
+ * products and three sums are wrong by at most 14 units of 2^-24 of |root| + ROWS * |slope|, and
+ * what spans_of() adds by two of 1: `slack` is more.  So no place is missed, and rarely one is
+ * there that should not be. */
+static inline Bounds bounds_of(const long value, const long step, const long rise, const int last)
 {
-    return -1.0f / (float)step;
+    Bounds b = {-1.0f, 0.0f, (float)last, 0.0f};
+    if (step == 0) return b;
+    const float inverse = -1.0f / (float)step;
+    const float root = (float)value * inverse;
+    const float slope = (float)rise * inverse;
+    const float slack = (fabs(root) + ROWS * fabs(slope) + 1.0f) * (1.0f / (float)(1 << 19));
+    if (step > 0) {
+        b.low = root - slack;
+        b.low_step = slope;
+    } else {
+        b.high = root + slack;
+        b.high_step = slope;
+    }
+    return b;
 }
 
-/* Keeps the places p of a span where edge + p * step >= 0.
- * Two conversions, a division (2.5 units in the last place are the worst that OpenCL allows) and a
- * product are wrong by less than 2^-21 of the root in all.  So wherever the root lies on the row or
- * one place beside it, the float is within 1/8 of it: the nearest integer, or the place beside it,
- * is the end, and one exact sign tells which. */
-static inline void narrow(Span *span, const long edge, const long step, const float inverse)
+/* Of ROWS rows of the places 0 to last, at most 2^17, those within all bounds. */
+static inline void spans_of(
+    Spans *spans, const Bounds a, const Bounds b, const Bounds c, const int last)
 {
-    if (step == 0) {
-        if (edge < 0) span->last = -1;
-        return;
+    const float end = (float)last;
+    for (int k = 0; k < ROWS; ++k) {
+        const float row = (float)k;
+        const float low = max(max(a.low + row * a.low_step, b.low + row * b.low_step),
+                              c.low + row * c.low_step);
+        const float high = min(min(a.high + row * a.high_step, b.high + row * b.high_step),
+                               c.high + row * c.high_step);
+        /* Conversions cut, and here nothing is negative.  `low` lies before the first place, by the
+         * slack, so that the place behind it is the first. */
+        spans->first[k] = (int)(clamp(low, -1.0f, end) + 1.0f);
+        spans->last[k] = (int)(clamp(high, -1.0f, end) + 1.0f) - 1;
     }
-    const float root = clamp((float)edge * inverse, -1.0f, (float)(span->last + 1));
-    const int nearest = (int)rint(root);
-    const bool holds = edge + nearest * step >= 0;
-    if (step > 0) span->first = max(span->first, holds ? nearest : nearest + 1);
-    else span->last = min(span->last, holds ? nearest : nearest - 1);
+}
+
+/* Lists the first rows, so many, that are not empty, and returns how many these are. */
+static inline int list_rows(const Spans *spans, const int rows, int *list)
+{
+    int count = 0;
+    for (int k = 0; k < min(rows, ROWS); ++k) {
+        list[count] = k;
+        count += spans->first[k] <= spans->last[k];
+    }
+    return count;
 }
 
 #endif

@@ -26,7 +26,7 @@ static inline int rows_in_tile(const int4 box, const long area, const int extent
 {
     const long in_row = area / (2L * side * max(extent, 1)) + 1;
     const int candidates = (int)min(in_row, (long)(box.w - box.y + 1));
-    return clamp(TILE * TILE / candidates, 1, TILE);
+    return clamp(TILE * TILE / candidates, 1, 4 * TILE);
 }
 
 static inline uint tiles_of(const int4 box, const int rows)

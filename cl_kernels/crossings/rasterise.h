@@ -49,104 +49,150 @@ static inline void drain(Found *found, Sink *sink)
     found->count = 0;
 }
 
-/* Finds every crossing of the rays in `box` with triangle f; some may be left to drain(). */
-static inline void rasterise(Sink *sink, Found *found, const Facet f, const int4 box)
+/* What is the same for all rays of a triangle. */
+typedef struct {
+    Facet f;
+    int2 bc, ca, ab;         /* its edges, seen along the rays */
+    long rest_a, rest_b;
+    int d0, d1, base_slot, base_rest;
+    float slope_a, slope_b, base, doubt;
+    long tie;
+#if SINK == EMIT
+    float digit_scale;
+#endif
+} Planes;
+
+/* The edge functions E at a ray. */
+typedef struct {
+    edge_t a, b, c;
+} Edges;
+
+/* Those at the first ray of a box. */
+static inline Edges make_planes(Planes *p, const Facet f, const int2 first)
 {
     #pragma OPENCL FP_CONTRACT OFF
-    const int2 ab = f.b.xy - f.a.xy;
-    const int2 bc = f.c.xy - f.b.xy;
-    const int2 ca = f.a.xy - f.c.xy;
-    const int2 p = box.xy << STEP_BITS;
-    const long ta = edge_owns(bc) ? 0 : 1;
-    const long tb = edge_owns(ca) ? 0 : 1;
-    const long tc = edge_owns(ab) ? 0 : 1;
-    const long wa = (long)bc.x * (p.y - f.b.y) - (long)bc.y * (p.x - f.b.x) - ta;
-    const long wb = (long)ca.x * (p.y - f.c.y) - (long)ca.y * (p.x - f.c.x) - tb;
-    const long wc = (long)ab.x * (p.y - f.a.y) - (long)ab.y * (p.x - f.a.x) - tc;
-    edge_t row_a = (edge_t)(wa >> STEP_BITS);
-    edge_t row_b = (edge_t)(wb >> STEP_BITS);
-    edge_t row_c = (edge_t)(wc >> STEP_BITS);
-
-    const long rest_a = (wa & (STEP - 1)) + ta;
-    const long rest_b = (wb & (STEP - 1)) + tb;
-    const int d0 = f.a.z - f.c.z;
-    const int d1 = f.b.z - f.c.z;
-    const int base_slot = f.c.z >> STEP_BITS;
-    const int base_rest = f.c.z & (STEP - 1);
+    const int2 at = first << STEP_BITS;
+    p->f = f;
+    p->ab = f.b.xy - f.a.xy;
+    p->bc = f.c.xy - f.b.xy;
+    p->ca = f.a.xy - f.c.xy;
+    const long ta = edge_owns(p->bc) ? 0 : 1;
+    const long tb = edge_owns(p->ca) ? 0 : 1;
+    const long tc = edge_owns(p->ab) ? 0 : 1;
+    const long wa = (long)p->bc.x * (at.y - f.b.y) - (long)p->bc.y * (at.x - f.b.x) - ta;
+    const long wb = (long)p->ca.x * (at.y - f.c.y) - (long)p->ca.y * (at.x - f.c.x) - tb;
+    const long wc = (long)p->ab.x * (at.y - f.a.y) - (long)p->ab.y * (at.x - f.a.x) - tc;
+    p->rest_a = (wa & (STEP - 1)) + ta;
+    p->rest_b = (wb & (STEP - 1)) + tb;
+    p->d0 = f.a.z - f.c.z;
+    p->d1 = f.b.z - f.c.z;
+    p->base_slot = f.c.z >> STEP_BITS;
+    p->base_rest = f.c.z & (STEP - 1);
     const float scale = 1.0f / ((float)f.area * (float)STEP);
-    const float scale_0 = (float)d0 * scale;
-    const float scale_1 = (float)d1 * scale;
-    const float slope_a = scale_0 * (float)STEP;
-    const float slope_b = scale_1 * (float)STEP;
-    const float base = (float)base_rest / (float)STEP
-                     + (float)rest_a * scale_0 + (float)rest_b * scale_1;
-    const float doubt
-        = ((float)max(abs(d0), abs(d1)) / (float)STEP + 1.0f) * (1.0f / (float)(1 << 19));
-    const long tie = tie_bit(f);
+    const float scale_0 = (float)p->d0 * scale;
+    const float scale_1 = (float)p->d1 * scale;
+    p->slope_a = scale_0 * (float)STEP;
+    p->slope_b = scale_1 * (float)STEP;
+    p->base = (float)p->base_rest / (float)STEP
+            + (float)p->rest_a * scale_0 + (float)p->rest_b * scale_1;
+    p->doubt
+        = ((float)max(abs(p->d0), abs(p->d1)) / (float)STEP + 1.0f) * (1.0f / (float)(1 << 19));
+    p->tie = tie_bit(f);
 #if SINK == EMIT
-    const float digit_scale = scale * (float)(1 << FRACTION_BITS);
+    p->digit_scale = scale * (float)(1 << FRACTION_BITS);
 #endif
+    const Edges edges = {
+        (edge_t)(wa >> STEP_BITS), (edge_t)(wb >> STEP_BITS), (edge_t)(wc >> STEP_BITS)};
+    return edges;
+}
 
-    const int width = box.w - box.y;
-#if EDGE_BITS == 64
-    const bool wide = width >= WIDE;
-    const float inverse_a = inverse_of(bc.x);
-    const float inverse_b = inverse_of(ca.x);
-    const float inverse_c = inverse_of(ab.x);
-#endif
-    for (int u = box.x; u <= box.z; ++u) {
-        Span span = {0, width};
-#if EDGE_BITS == 64
-        if (wide) {
-            narrow(&span, row_a, bc.x, inverse_a);
-            narrow(&span, row_b, ca.x, inverse_b);
-            narrow(&span, row_c, ab.x, inverse_c);
-        }
-#endif
-        edge_t ea = row_a + (edge_t)span.first * bc.x;
-        edge_t eb = row_b + (edge_t)span.first * ca.x;
-        edge_t ec = row_c + (edge_t)span.first * ab.x;
-        const int last = box.y + span.last;
-        for (int v = box.y + span.first; v <= last; ++v) {
-            const bool covered = (ea | eb | ec) >= 0;
-            const float estimate = (float)ea * slope_a + (float)eb * slope_b + base;
-            /* Rounded to the nearest integer by its place in the significand: exact for
-             * |estimate| < 2^22, and quicker than rint() on some devices. */
-            const float shifted = estimate + ROUNDER;
-            const int m = as_int(shifted) - as_int(ROUNDER);
+static inline ulong residual_at(const Planes *p, const Edges e, const int m)
+{
+    return residual_of((long)e.a * STEP + p->rest_a, (long)e.b * STEP + p->rest_b, p->d0, p->d1,
+                       p->f.area, p->base_rest - (long)m * STEP);
+}
+
+/* The rays u, first to last: e are the edge functions at the first. */
+static inline void scan_row(
+    Sink *sink, Found *found, const Planes *p, Edges e, const int u, const int first,
+    const int last)
+{
+    #pragma OPENCL FP_CONTRACT OFF
+    for (int v = first; v <= last; ++v) {
+        const bool covered = (e.a | e.b | e.c) >= 0;
+        const float estimate = (float)e.a * p->slope_a + (float)e.b * p->slope_b + p->base;
+        /* Rounded to the nearest integer by its place in the significand: exact for
+         * |estimate| < 2^22, and quicker than rint() on some devices. */
+        const float shifted = estimate + ROUNDER;
+        const int m = as_int(shifted) - as_int(ROUNDER);
 #if SINK == EMIT
-            if (covered) {
-                const ulong residual = residual_of(
-                    (long)ea * STEP + rest_a, (long)eb * STEP + rest_b, d0, d1, f.area,
-                    base_rest - (long)m * STEP);
-                const int digit = (int)rint((float)(long)residual * digit_scale);
-                const long left = (long)((residual << FRACTION_BITS)
-                                         - (ulong)(long)digit * ((ulong)f.area << STEP_BITS));
-                const uint whole = (uint)(base_slot + m) << FRACTION_BITS;
-                cross(sink, u, v, (int)(whole + (uint)digit + (left > -tie)));
-            }
-#else
-            const float beyond = estimate - (shifted - ROUNDER);
-            bool after = beyond > 0.0f;
-            if (covered & (fabs(beyond) <= doubt)) {
-                const ulong residual = residual_of(
-                    (long)ea * STEP + rest_a, (long)eb * STEP + rest_b, d0, d1, f.area,
-                    base_rest - (long)m * STEP);
-                after = (long)residual > -tie;
-            }
-            found->u[found->count] = u;
-            found->v[found->count] = v;
-            /* Unsigned: m says nothing where the ray is not covered. */
-            found->slot[found->count] = (int)((uint)base_slot + (uint)m + after);
-            found->count += covered;
-            if (found->count == MOST_FOUND) drain(found, sink);
-#endif
-            ea += bc.x;
-            eb += ca.x;
-            ec += ab.x;
+        if (covered) {
+            const ulong residual = residual_at(p, e, m);
+            const int digit = (int)rint((float)(long)residual * p->digit_scale);
+            const long left = (long)((residual << FRACTION_BITS)
+                                     - (ulong)(long)digit * ((ulong)p->f.area << STEP_BITS));
+            const uint whole = (uint)(p->base_slot + m) << FRACTION_BITS;
+            cross(sink, u, v, (int)(whole + (uint)digit + (left > -p->tie)));
         }
-        row_a -= bc.y;
-        row_b -= ca.y;
-        row_c -= ab.y;
+#else
+        const float beyond = estimate - (shifted - ROUNDER);
+        bool after = beyond > 0.0f;
+        if (covered & (fabs(beyond) <= p->doubt))
+            after = (long)residual_at(p, e, m) > -p->tie;
+        found->u[found->count] = u;
+        found->v[found->count] = v;
+        /* Unsigned: m says nothing where the ray is not covered. */
+        found->slot[found->count] = (int)((uint)p->base_slot + (uint)m + after);
+        found->count += covered;
+        if (found->count == MOST_FOUND) drain(found, sink);
+#endif
+        e.a += p->bc.x;
+        e.b += p->ca.x;
+        e.c += p->ab.x;
     }
 }
+
+/* Finds every crossing of the rays in `box` with triangle f; some may be left to drain(). */
+#if EDGE_BITS == 32
+
+static inline void rasterise(Sink *sink, Found *found, const Facet f, const int4 box)
+{
+    Planes p;
+    Edges row = make_planes(&p, f, box.xy);
+    for (int u = box.x; u <= box.z; ++u) {
+        scan_row(sink, found, &p, row, u, box.y, box.w);
+        row.a -= p.bc.y;
+        row.b -= p.ca.y;
+        row.c -= p.ab.y;
+    }
+}
+
+#else
+
+static inline void rasterise(Sink *sink, Found *found, const Facet f, const int4 box)
+{
+    Planes p;
+    Edges row = make_planes(&p, f, box.xy);
+    const int width = box.w - box.y;
+    for (int block = box.x; block <= box.z; block += ROWS) {
+        Spans spans;
+        int list[ROWS];
+        spans_of(&spans, bounds_of(row.a, p.bc.x, -p.bc.y, width),
+                 bounds_of(row.b, p.ca.x, -p.ca.y, width),
+                 bounds_of(row.c, p.ab.x, -p.ab.y, width), width);
+        const int count = list_rows(&spans, box.z - block + 1, list);
+        for (int n = 0; n < count; ++n) {
+            const long k = list[n], first = spans.first[k];
+            const Edges e = {row.a + first * p.bc.x - k * p.bc.y,
+                             row.b + first * p.ca.x - k * p.ca.y,
+                             row.c + first * p.ab.x - k * p.ab.y};
+            scan_row(sink, found, &p, e, block + (int)k, box.y + (int)first,
+                     box.y + spans.last[k]);
+        }
+        row.a -= (long)ROWS * p.bc.y;
+        row.b -= (long)ROWS * p.ca.y;
+        row.c -= (long)ROWS * p.ab.y;
+    }
+}
+
+#endif
