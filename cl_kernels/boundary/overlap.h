@@ -113,9 +113,11 @@ static inline long side_of(const Side side, const int p, const int q)
     return side.offset + (long)side.along_q * q - (long)side.along_p * p;
 }
 
-static inline bool meets(const Side side, const int p, const int q)
+/* Is the cell not wholly outside of any of three edges?  Without a branch, since nobody could
+ * foresee it. */
+static inline bool all_meet(const Side *sides, const int p, const int q)
 {
-    return side_of(side, p, q) >= 0;
+    return (side_of(sides[0], p, q) | side_of(sides[1], p, q) | side_of(sides[2], p, q)) >= 0;
 }
 
 static inline long cross2(const int2 a, const int2 b, const int2 c)
@@ -188,7 +190,7 @@ static inline int4 make_solid(
 /* Does the column of cells whose lowest corner is (u, v) meet the triangle's shadow? */
 static inline bool column_meets(const Solid *s, const int u, const int v)
 {
-    return meets(s->uv[0], u, v) && meets(s->uv[1], u, v) && meets(s->uv[2], u, v);
+    return all_meet(s->uv, u, v);
 }
 
 /* The cells (first, last) of that column between which the triangle's plane passes; more rather
@@ -208,8 +210,7 @@ static inline int2 depths_in_column(const Solid *s, const int u, const int v)
 /* Do the remaining tests hold for the cell with lowest corner (u, v, w)? */
 static inline bool cell_meets(const Solid *s, const int u, const int v, const int w)
 {
-    for (int i = 0; i < 3; ++i)
-        if (!meets(s->vw[i], v, w) || !meets(s->wu[i], w, u)) return false;
+    if (!(all_meet(s->vw, v, w) & all_meet(s->wu, w, u))) return false;
     /* The plane at the box's furthest and nearest corner: up to 2^74, so by exact_sign. */
     const int du = u - s->a.x, dv = v - s->a.y, dw = w - s->a.z;
     const int high_u = s->nu > 0 ? du + s->cell.x : du, low_u = s->nu > 0 ? du : du + s->cell.x;

@@ -84,8 +84,7 @@ static void mark_layer(
         const int u = i * cell.x - HALF_STEP;
         for (int j = box.y; j <= box.w; ++j) {
             const int v = j * cell.y - HALF_STEP;
-            if (meets(sides[0], u, v) & meets(sides[1], u, v) & meets(sides[2], u, v))
-                mark(sink, restore((int3)(i, j, layer), axis), triangle);
+            if (all_meet(sides, u, v)) mark(sink, restore((int3)(i, j, layer), axis), triangle);
         }
     }
 }

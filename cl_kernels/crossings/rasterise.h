@@ -34,8 +34,6 @@ typedef long edge_t;
 
 #define ROUNDER 12582912.0f
 
-#define MOST_FOUND 32
-
 /* Crossings that the sink has not been given yet. */
 typedef struct {
     uint count;
@@ -44,8 +42,7 @@ typedef struct {
 
 static inline void drain(Found *found, Sink *sink)
 {
-    for (uint i = 0; i < found->count; ++i)
-        cross(sink, found->u[i], found->v[i], found->slot[i]);
+    cross_all(sink, found->count, found->u, found->v, found->slot);
     found->count = 0;
 }
 

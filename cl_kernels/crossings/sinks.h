@@ -16,6 +16,8 @@
 #define BRICKS 2
 #define EMIT 3
 
+#define MOST_FOUND 32
+
 #if SINK == COUNT || SINK == EMIT
 
 /* Number of a ray in its window; the later of the two axes across the rays is the slowest. */
@@ -98,6 +100,7 @@ static inline void cross(Sink *sink, const int u, const int v, const int slot)
 #elif SINK == BRICKS
 
 #include "common/bricks.h"
+#include "common/index.h"
 
 /* Rays along y: u is z and v is x.
  * columns: cells of voxels along each axis.  The tree above the bricks: common/bricks.h.
@@ -119,32 +122,20 @@ typedef struct {
     __global uint *exits;
     __global uint *entry;
     __global uint *beyond;
-    ulong cell;  /* the cell looked up last, since neighbouring crossings share it */
+    ulong cell;  /* the cell looked up last */
     uint brick;
 } Sink;
 
-static inline void cross(Sink *sink, const int u, const int v, const int slot)
+/* The bit of a voxel of the bricks as a number: its cell, and its word of the cell's brick. */
+#define WORD_OF(x, y, z, word) ((ulong)(z) << 47 | (ulong)(y) << 30 | (ulong)(x) << 13 | (word))
+
+/* A crossing that no brick holds. */
+static void cross_outside(Sink *sink, const uint u, const uint v, const int slot)
 {
-    /* Unsigned, so that powers of two are shifted. */
-    const uint x = (uint)v / BRICK_X;
-    const uint z = (uint)u / BRICK_Z;
-    const uint at = (uint)max(slot, 0);
-    const uint y = at / BRICK_Y;
-    const uint ray = ((uint)u - z * BRICK_Z) * BRICK_X + ((uint)v - x * BRICK_X);
-    if (slot > 0 && y < (uint)sink->columns.y) {
-        const ulong cell = (ulong)z << 42 | (ulong)y << 21 | x;
-        if (sink->cell != cell) {
-            sink->cell = cell;
-            sink->brick = find_brick(sink->tree, x, y, z);
-        }
-        if (sink->brick != NO_BRICK) {
-            const uint voxel = (((uint)u - z * BRICK_Z) * BRICK_Y + (at - y * BRICK_Y)) * BRICK_X
-                            + ((uint)v - x * BRICK_X);
-            __global uint *brick = sink->bricks + (ulong)sink->brick * BRICK_WORDS;
-            atomic_xor(brick + voxel / 32, 1u << (voxel % 32));
-            return;
-        }
-    }
+    const uint x = v / BRICK_X;
+    const uint z = u / BRICK_Z;
+    const uint y = (uint)max(slot, 0) / BRICK_Y;
+    const uint ray = (u - z * BRICK_Z) * BRICK_X + (v - x * BRICK_X);
     const ulong column = ((ulong)(z - sink->first_layer) * sink->columns.x + x) * FACE_WORDS;
     __global uint *face;
     if (slot <= 0) {
@@ -162,6 +153,70 @@ static inline void cross(Sink *sink, const int u, const int v, const int slot)
     atomic_xor(face + ray / 32, 1u << (ray % 32));
 }
 
+/* Flips bits of one word of a cell's brick; or, if the cell has none, of faces. */
+static inline void flip_word(Sink *sink, const ulong id, const uint bits)
+{
+    const uint z = (uint)(id >> 47), y = (uint)(id >> 30) & 0x1ffff;
+    const uint x = (uint)(id >> 13) & 0x1ffff, word = (uint)id & 0x1fff;
+    if (sink->cell != id >> 13) {
+        sink->cell = id >> 13;
+        sink->brick = find_brick(sink->tree, x, y, z);
+    }
+    if (sink->brick != NO_BRICK) {
+        atomic_xor(sink->bricks + (ulong)sink->brick * BRICK_WORDS + word, bits);
+        return;
+    }
+    for (uint left = bits; left; left &= left - 1) {
+        ulong place = 32 * word + popcount((left & -left) - 1);
+        const int in_x = take_place(&place, BRICK_X);
+        const int in_y = take_place(&place, BRICK_Y);
+        cross_outside(sink, z * BRICK_Z + (uint)place, x * BRICK_X + in_x,
+                      (int)(y * BRICK_Y) + in_y);
+    }
+}
+
+/* Neighbouring crossings are often in the same word: flips of one are gathered, without a branch,
+ * since nobody could foresee it. */
+static inline void cross_all(
+    Sink *sink, const uint count, const int *us, const int *vs, const int *slots)
+{
+    ulong ids[MOST_FOUND];
+    uint bits[MOST_FOUND];
+    for (uint i = 0; i < count; ++i) {
+        const uint u = (uint)us[i], v = (uint)vs[i], at = (uint)max(slots[i], 0);
+        /* Unsigned, so that powers of two are shifted. */
+        const uint x = v / BRICK_X, y = at / BRICK_Y, z = u / BRICK_Z;
+        const uint voxel = ((u - z * BRICK_Z) * BRICK_Y + (at - y * BRICK_Y)) * BRICK_X
+                         + (v - x * BRICK_X);
+        ids[i] = WORD_OF(x, y, z, voxel / 32);
+        bits[i] = 1u << (voxel % 32);
+    }
+    uint words = 0, gathered = 0;
+    ulong last = ULONG_MAX;
+    const int end = sink->columns.y * BRICK_Y;
+    for (uint i = 0; i < count; ++i) {
+        if (slots[i] <= 0 || slots[i] >= end) {
+            cross_outside(sink, us[i], vs[i], slots[i]);
+            continue;
+        }
+        const ulong id = ids[i];
+        const bool same = id == last;
+        gathered = (same ? gathered : 0) ^ bits[i];
+        words += !same;
+        ids[words - 1] = last = id;
+        bits[words - 1] = gathered;
+    }
+    for (uint i = 0; i < words; ++i) flip_word(sink, ids[i], bits[i]);
+}
+
+#endif
+
+#if SINK != EMIT && SINK != BRICKS
+static inline void cross_all(
+    Sink *sink, const uint count, const int *u, const int *v, const int *slot)
+{
+    for (uint i = 0; i < count; ++i) cross(sink, u[i], v[i], slot[i]);
+}
 #endif
 
 #if SINK != EMIT
