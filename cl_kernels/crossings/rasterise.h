@@ -6,7 +6,8 @@
  * cross(Sink *, int u, int v, int at), `at` being the slot, or for the sink EMIT the depth.
  *
  * Whether a ray is covered, nobody foresees: crossings are found without a branch, and handed to
- * the sink some dozens at a time, by drain().
+ * the sink some dozens at a time, by drain(): one by one, or all to cross_all(sink, count, us, vs,
+ * slots) of a sink that defines GATHERS.
  *
  * Rays are STEP apart, so an edge function W changes by whole multiples of STEP from ray to ray:
  * E = (W - t) >> STEP_BITS is stepped, with t = 0 if the edge owns its rays and 1 if not, and
@@ -34,11 +35,21 @@ typedef long edge_t;
 
 #define ROUNDER 12582912.0f
 
+#define MOST_FOUND 32
+
 /* Crossings that the sink has not been given yet. */
 typedef struct {
     uint count;
     int u[MOST_FOUND], v[MOST_FOUND], slot[MOST_FOUND];
 } Found;
+
+#ifndef GATHERS
+static inline void cross_all(
+    Sink *sink, const uint count, const int *u, const int *v, const int *slot)
+{
+    for (uint i = 0; i < count; ++i) cross(sink, u[i], v[i], slot[i]);
+}
+#endif
 
 static inline void drain(Found *found, Sink *sink)
 {

@@ -16,8 +16,6 @@
 #define BRICKS 2
 #define EMIT 3
 
-#define MOST_FOUND 32
-
 #if SINK == COUNT || SINK == EMIT
 
 /* Number of a ray in its window; the later of the two axes across the rays is the slowest. */
@@ -175,13 +173,16 @@ static inline void flip_word(Sink *sink, const ulong id, const uint bits)
     }
 }
 
+#define GATHERS
+#define MOST_GATHERED 32
+
 /* Neighbouring crossings are often in the same word: flips of one are gathered, without a branch,
  * since nobody could foresee it. */
 static inline void cross_all(
     Sink *sink, const uint count, const int *us, const int *vs, const int *slots)
 {
-    ulong ids[MOST_FOUND];
-    uint bits[MOST_FOUND];
+    ulong ids[MOST_GATHERED];
+    uint bits[MOST_GATHERED];
     for (uint i = 0; i < count; ++i) {
         const uint u = (uint)us[i], v = (uint)vs[i], at = (uint)max(slots[i], 0);
         /* Unsigned, so that powers of two are shifted. */
@@ -209,14 +210,11 @@ static inline void cross_all(
     for (uint i = 0; i < words; ++i) flip_word(sink, ids[i], bits[i]);
 }
 
-#endif
-
-#if SINK != EMIT && SINK != BRICKS
-static inline void cross_all(
-    Sink *sink, const uint count, const int *u, const int *v, const int *slot)
+static inline void cross(Sink *sink, const int u, const int v, const int slot)
 {
-    for (uint i = 0; i < count; ++i) cross(sink, u[i], v[i], slot[i]);
+    cross_all(sink, 1, &u, &v, &slot);
 }
+
 #endif
 
 #if SINK != EMIT
