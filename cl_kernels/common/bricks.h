@@ -84,15 +84,27 @@ static inline ulong middle_bit(const uint node, const int x, const int y, const 
     return (ulong)node * (32 * MIDDLE_WORDS) + at;
 }
 
-/* Brick of voxels of the cell (x, y, z) of the last level but one, or NO_BRICK. */
-static inline uint find_brick(const Tree tree, const int x, const int y, const int z)
+/* Brick of cells that holds the cell of voxels (x, y, z), or NO_BRICK. */
+static inline uint find_node(const Tree tree, const int x, const int y, const int z)
 {
-    const uint node = find_coarse(
+    return find_coarse(
         tree.cells, tree.boundary, tree.rank, x / MIDDLE_X, y / MIDDLE_Y, z / MIDDLE_Z);
+}
+
+/* Brick of voxels of the cell (x, y, z) of the last level but one, which lies in brick `node`, or
+ * NO_BRICK. */
+static inline uint find_in_node(
+    const Tree tree, const uint node, const int x, const int y, const int z)
+{
     if (node == NO_BRICK) return NO_BRICK;
     const ulong bit = middle_bit(node, x, y, z);
     if (!(tree.middle[bit / 32] >> (bit % 32) & 1)) return NO_BRICK;
     return rank_of(tree.middle, tree.middle_rank, bit / 32, bit % 32);
+}
+
+static inline uint find_brick(const Tree tree, const int x, const int y, const int z)
+{
+    return find_in_node(tree, find_node(tree, x, y, z), x, y, z);
 }
 
 #else

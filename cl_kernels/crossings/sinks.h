@@ -110,7 +110,8 @@ static inline void cross(Sink *sink, const int u, const int v, const int slot)
     const int4 columns, TREE_PARAMETERS, const int first_layer, const uint first_brick, \
     __global uint *bricks, __global uint *exits, __global uint *entry, __global uint *beyond
 #define MAKE_SINK(window) \
-    { TREE, columns, first_layer, first_brick, bricks, exits, entry, beyond, ULONG_MAX, NO_BRICK }
+    { TREE, columns, first_layer, first_brick, bricks, exits, entry, beyond, \
+      ULONG_MAX, ULONG_MAX, NO_BRICK, NO_BRICK }
 typedef struct {
     Tree tree;
     int4 columns;
@@ -120,8 +121,8 @@ typedef struct {
     __global uint *exits;
     __global uint *entry;
     __global uint *beyond;
-    ulong cell;  /* the cell looked up last */
-    uint brick;
+    ulong cell, above;  /* looked up last: a cell, and the coarse one above it */
+    uint brick, node;
 } Sink;
 
 /* The bit of a voxel of the bricks as a number: its cell, and its word of the cell's brick. */
@@ -158,7 +159,16 @@ static inline void flip_word(Sink *sink, const ulong id, const uint bits)
     const uint x = (uint)(id >> 13) & 0x1ffff, word = (uint)id & 0x1fff;
     if (sink->cell != id >> 13) {
         sink->cell = id >> 13;
+#if LEVELS == 3
+        const ulong above = WORD_OF(x / MIDDLE_X, y / MIDDLE_Y, z / MIDDLE_Z, 0);
+        if (sink->above != above) {
+            sink->above = above;
+            sink->node = find_node(sink->tree, x, y, z);
+        }
+        sink->brick = find_in_node(sink->tree, sink->node, x, y, z);
+#else
         sink->brick = find_brick(sink->tree, x, y, z);
+#endif
     }
     if (sink->brick != NO_BRICK) {
         atomic_xor(sink->bricks + (ulong)sink->brick * BRICK_WORDS + word, bits);
