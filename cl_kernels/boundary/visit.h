@@ -12,7 +12,7 @@
  * Defines:    VISIT_HINT attributes of the kernels, if a sink needs any
  *             RUN        triangles in a row that one work-item does directly
  *             DIRECT     most columns of a triangle that is done directly
- *             TILE       most rows of a tile (common/tiles.h)
+ *             TILE       its square is about how many columns a tile has (common/tiles.h)
  *             STEP_BITS, CELL_*  (boundary/overlap.h)
  */
 #ifndef CLVOX_VISIT_H

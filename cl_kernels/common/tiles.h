@@ -4,10 +4,11 @@
  * Triangles of few candidates are done where they are met; the others are put on a list, their
  * tiles counted and the counts scanned, and each (triangle, tile) pair is one work-item.  A tile is
  * some rows of the triangle's box, as many as hold about TILE * TILE candidates, but not more than
- * TILE; in a row, only where the triangle is: so slivers across a large box cost what they touch.
+ * 4 * TILE; in a row, only where the triangle is: so slivers across a large box cost what they
+ * touch.
  *
  * Defines:    DIRECT  most candidates of a triangle that is done directly
- *             TILE    most rows of a tile; its square is about how many candidates a tile has
+ *             TILE    its square is about how many candidates a tile has
  */
 #ifndef CLVOX_TILES_H
 #define CLVOX_TILES_H

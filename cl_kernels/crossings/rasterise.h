@@ -33,6 +33,9 @@ typedef int edge_t;
 typedef long edge_t;
 #endif
 
+/* Trying rows of fewer rays costs less than solving for those that are covered. */
+#define WIDE 8
+
 #define ROUNDER 12582912.0f
 
 #define MOST_FOUND 32
@@ -160,47 +163,50 @@ static inline void scan_row(
     }
 }
 
-/* Finds every crossing of the rays in `box` with triangle f; some may be left to drain(). */
-#if EDGE_BITS == 32
-
-static inline void rasterise(Sink *sink, Found *found, const Facet f, const int4 box)
+/* Every ray of the box is tried. */
+static inline void try_rows(
+    Sink *sink, Found *found, const Planes *p, Edges row, const int4 box)
 {
-    Planes p;
-    Edges row = make_planes(&p, f, box.xy);
     for (int u = box.x; u <= box.z; ++u) {
-        scan_row(sink, found, &p, row, u, box.y, box.w);
-        row.a -= p.bc.y;
-        row.b -= p.ca.y;
-        row.c -= p.ab.y;
+        scan_row(sink, found, p, row, u, box.y, box.w);
+        row.a -= p->bc.y;
+        row.b -= p->ca.y;
+        row.c -= p->ab.y;
     }
 }
 
-#else
+/* In rows from box.x + start on, a block of them, only the rays that may be covered are. */
+static inline void solve_rows(
+    Sink *sink, Found *found, const Planes *p, const Edges row, const int4 box, const int start)
+{
+    Spans spans;
+    int list[ROWS];
+    const int width = box.w - box.y;
+    spans_of(&spans, bounds_of(row.a - (edge_t)start * p->bc.y, p->bc.x, -p->bc.y, width),
+             bounds_of(row.b - (edge_t)start * p->ca.y, p->ca.x, -p->ca.y, width),
+             bounds_of(row.c - (edge_t)start * p->ab.y, p->ab.x, -p->ab.y, width), width);
+    const int count = list_rows(&spans, box.z - box.x - start + 1, list);
+    for (int n = 0; n < count; ++n) {
+        const edge_t i = start + list[n], j = spans.first[list[n]];
+        const Edges e = {row.a + j * p->bc.x - i * p->bc.y,
+                         row.b + j * p->ca.x - i * p->ca.y,
+                         row.c + j * p->ab.x - i * p->ab.y};
+        scan_row(sink, found, p, e, box.x + (int)i, box.y + (int)j,
+                 box.y + spans.last[list[n]]);
+    }
+}
 
+/* Finds every crossing of the rays in `box` with triangle f; some may be left to drain(). */
 static inline void rasterise(Sink *sink, Found *found, const Facet f, const int4 box)
 {
     Planes p;
-    Edges row = make_planes(&p, f, box.xy);
-    const int width = box.w - box.y;
-    for (int block = box.x; block <= box.z; block += ROWS) {
-        Spans spans;
-        int list[ROWS];
-        spans_of(&spans, bounds_of(row.a, p.bc.x, -p.bc.y, width),
-                 bounds_of(row.b, p.ca.x, -p.ca.y, width),
-                 bounds_of(row.c, p.ab.x, -p.ab.y, width), width);
-        const int count = list_rows(&spans, box.z - block + 1, list);
-        for (int n = 0; n < count; ++n) {
-            const long k = list[n], first = spans.first[k];
-            const Edges e = {row.a + first * p.bc.x - k * p.bc.y,
-                             row.b + first * p.ca.x - k * p.ca.y,
-                             row.c + first * p.ab.x - k * p.ab.y};
-            scan_row(sink, found, &p, e, block + (int)k, box.y + (int)first,
-                     box.y + spans.last[k]);
-        }
-        row.a -= (long)ROWS * p.bc.y;
-        row.b -= (long)ROWS * p.ca.y;
-        row.c -= (long)ROWS * p.ab.y;
+    const Edges row = make_planes(&p, f, box.xy);
+#if EDGE_BITS == 32
+    if (box.w - box.y < WIDE) {
+        try_rows(sink, found, &p, row, box);
+        return;
     }
-}
-
 #endif
+    for (int start = 0; start <= box.z - box.x; start += ROWS)
+        solve_rows(sink, found, &p, row, box, start);
+}

@@ -52,6 +52,22 @@ def facets_of(session: Session, mesh: Mesh) -> Facets:
     return upload_facets(session, vertices.astype(np.int32), faces)
 
 
+def slivers(seed: int, count: int, bits: int, shape: Shape) -> Mesh:
+    """Return so many triangles across all of a grid, some steps wide or some voxels.
+
+    Some lie along the axes, or end on the centres of voxels.
+    """
+    rng = np.random.default_rng(seed)
+    ends = rng.integers(0, np.array(shape) << bits, (count, 2, 3))
+    ends[::3] &= -1 << bits
+    level, axes = np.arange(1, count, 4), rng.integers(0, 3, len(range(1, count, 4)))
+    ends[level, 1, axes] = ends[level, 0, axes]
+    widths = 1 << rng.integers(0, bits + 2, (count, 1))
+    others = ends[:, rng.integers(0, 2)] + rng.integers(-widths, widths + 1, (count, 3))
+    vertices = np.concatenate([ends, others[:, None]], axis=1).reshape(-1, 3)
+    return vertices, np.arange(3 * count, dtype=np.int32).reshape(-1, 3)
+
+
 def soup(seed: int, count: int, bits: int, shape: Shape) -> Mesh:
     """Return *count* triangles that share no vertex, near the grid: about half of them in ties."""
     source = Seeded(np.random.default_rng(seed), bits, shape)

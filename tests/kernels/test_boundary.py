@@ -25,6 +25,7 @@ from tests.kernels.cases import (
     flat_triangles,
     large_tetrahedra,
     meshes_for,
+    slivers,
     some,
     soup,
 )
@@ -107,6 +108,17 @@ def test_large_triangles_on_a_grid_cut_out_of_them(
             expected = pack_bits(touched(*single, bits, shape, cell))
             found = marked(session, single, bits, shape, cell)
             np.testing.assert_array_equal(found, expected, strict=True)
+
+
+@pytest.mark.parametrize(("bits", "shape"), [(7, (40, 45, 9)), (9, (9, 40, 70)), (14, (70, 9, 40))])
+def test_slivers_across_many_rows_of_columns(session: Session, bits: int, shape: Shape) -> None:
+    """More rows than a block has that is solved at once."""
+    vertices, faces = slivers(41, some(40), bits, shape)
+    for face in faces:
+        single = vertices, face[None]
+        expected = pack_bits(touched(*single, bits, shape, (1, 1, 1)))
+        found = marked(session, single, bits, shape, (1, 1, 1), direct=0)
+        np.testing.assert_array_equal(found, expected, strict=True)
 
 
 @pytest.mark.parametrize("bits", [7, 10, 14])

@@ -18,7 +18,7 @@ from clvox.ops.multilevel import rank_cells
 from clvox.reference import crossings as twin
 from clvox.reference.boundary import touched
 from clvox.reference.multilevel import pack_bits, pack_bricks
-from tests.kernels.cases import build, facets_of, large_tetrahedra, meshes_for, some, soup
+from tests.kernels.cases import build, facets_of, large_tetrahedra, meshes_for, slivers, some, soup
 from tests.strategies import FAMILIES, Mesh, adversarial_meshes, closed_meshes, join
 
 if TYPE_CHECKING:
@@ -90,6 +90,19 @@ def test_rays_cross_a_closed_mesh_an_even_number_of_times(
 ) -> None:
     """Whatever the twin says."""
     assert not (count(session, mesh, CASES[0]._replace(bits=8), axis) % 2).any()
+
+
+@every_axis
+@pytest.mark.parametrize(("bits", "direct"), [(7, 256), (10, 0), (14, 1 << 14)])
+def test_slivers_across_many_rows_equal_the_twin(
+    session: Session, bits: int, direct: int, axis: Axis
+) -> None:
+    """More rows than a block has that is solved at once, and most without a ray that is covered."""
+    for shape in ((5, 140, 90), (140, 90, 5), (90, 5, 140)):
+        mesh = slivers(15, some(40), bits, shape)
+        found = count(session, mesh, Case(bits, shape, direct, 32), axis)
+        expected = twin.count_crossings(*mesh, bits, shape, axis)
+        np.testing.assert_array_equal(found, expected, strict=True)
 
 
 @every_case
@@ -208,7 +221,7 @@ def test_slots_along_every_axis_equal_the_twin(
     """And so rays along x, y and z give the same voxels."""
     at = twin.AXES[axis]
     rays_u, rays_v, depth = shape[(at + 1) % 3], shape[(at + 2) % 3], shape[at]
-    defines = {"AXIS": at, "STEP_BITS": bits, "SINK": -1, "TILE": 1, "RUN": 1, "FEW": 1 << 40}
+    defines = {"AXIS": at, "STEP_BITS": bits, "SINK": -1, "TILE": 1, "RUN": 1}
     defines |= {"EDGE_BITS": edge, "DIRECT": 1 << (14 if edge == 32 else 40)}
     source = SLOTS + read_source("crossings/cast_rays.cl")
     kernel = build(session, source, "cast_direct", **defines)
