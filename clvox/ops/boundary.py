@@ -18,7 +18,7 @@ DIRECT = 64
 """Most columns of cells of a triangle that one work-item does alone."""
 
 TILE = 16
-"""Side of a tile of columns."""
+"""A tile has about as many touched columns as a square of that side."""
 
 
 def mark_cells(
