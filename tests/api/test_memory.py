@@ -203,7 +203,7 @@ def test_attributes_can_be_ended(
     assert "attributes" in model.report.seconds
     assert "attributes" not in reports[0].seconds
     more = told[calls:]
-    assert len(more) > 5
+    assert len(more) >= 5
     assert set(more) == {told[calls - 1]} == {(2 * len(mesh.faces),) * 2}
     del model
     gc.collect()
@@ -394,7 +394,7 @@ def test_each_failing_allocation_is_out_of_memory(
         clvox.voxelize(mesh, **options, memory_budget=budget)
     gc.collect()
     before = session.nbytes
-    assert len(sizes) > 5
+    assert len(sizes) >= 5
     for number in range(1, len(sizes) + 1):
         with asked_of(session, number), pytest.raises(OutOfMemoryError, match="no room") as caught:
             clvox.voxelize(mesh, **options, memory_budget=budget)
