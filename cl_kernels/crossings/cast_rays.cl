@@ -14,6 +14,7 @@
  *             EDGE_BITS  32 for cast_direct, 64 for cast_tiles (crossings/rasterise.h)
  *             RUN        triangles in a row that one work-item does directly
  *             DIRECT     most candidate rays of a triangle that is done directly
+ *             FEW        most of a sliver that is
  *             TILE       its square is about how many candidates a tile has (common/tiles.h)
  *             LEVELS, BRICK_*, MIDDLE_*  of the model, for the sink BRICKS (common/bricks.h)
  *             FRACTION_BITS  of the depths, for the sink EMIT
@@ -31,6 +32,14 @@
 #if EDGE_BITS == 32 && DIRECT > 1 << 14
 #error "DIRECT is at most 2^14, so that edge functions fit 32 bits"
 #endif
+
+/* Does a triangle meet an eighth of its candidate rays, or has few?  Those of slivers are rather
+ * solved for than tried. */
+static inline bool fills(const Facet f, const int4 box)
+{
+    const long candidates = (long)(box.z - box.x + 1) * (box.w - box.y + 1);
+    return candidates <= FEW || f.area >> (2 * STEP_BITS - 2) >= candidates;
+}
 
 /* One work-item does RUN triangles in a row, from `first` on: those of few candidate rays; the
  * others it puts on the list.
@@ -51,7 +60,8 @@ __kernel void cast_direct(
         const Facet f = load_facet(faces, vertices, triangle);
         const int4 box = ray_box(f, window);
         if (f.area == 0 || box_is_empty(box)) continue;
-        if (is_small(ray_box(f, ALL_RAYS))) {
+        const int4 whole = ray_box(f, ALL_RAYS);
+        if (is_small(whole) && fills(f, whole)) {
             begin(&sink, triangle, f.flipped);
             rasterise(&sink, &found, f, box);
         } else {

@@ -33,9 +33,6 @@ typedef int edge_t;
 typedef long edge_t;
 #endif
 
-/* Trying rows of fewer rays costs less than solving for those that are covered. */
-#define WIDE 8
-
 #define ROUNDER 12582912.0f
 
 #define MOST_FOUND 32
@@ -163,17 +160,22 @@ static inline void scan_row(
     }
 }
 
-/* Every ray of the box is tried. */
-static inline void try_rows(
-    Sink *sink, Found *found, const Planes *p, Edges row, const int4 box)
+#if EDGE_BITS == 32
+
+/* Finds every crossing of the rays in `box` with triangle f; some may be left to drain(). */
+static inline void rasterise(Sink *sink, Found *found, const Facet f, const int4 box)
 {
+    Planes p;
+    Edges row = make_planes(&p, f, box.xy);
     for (int u = box.x; u <= box.z; ++u) {
-        scan_row(sink, found, p, row, u, box.y, box.w);
-        row.a -= p->bc.y;
-        row.b -= p->ca.y;
-        row.c -= p->ab.y;
+        scan_row(sink, found, &p, row, u, box.y, box.w);
+        row.a -= p.bc.y;
+        row.b -= p.ca.y;
+        row.c -= p.ab.y;
     }
 }
+
+#else
 
 /* In rows from box.x + start on, a block of them, only the rays that may be covered are. */
 static inline void solve_rows(
@@ -196,17 +198,13 @@ static inline void solve_rows(
     }
 }
 
-/* Finds every crossing of the rays in `box` with triangle f; some may be left to drain(). */
+/* The same for triangles of many candidate rays. */
 static inline void rasterise(Sink *sink, Found *found, const Facet f, const int4 box)
 {
     Planes p;
     const Edges row = make_planes(&p, f, box.xy);
-#if EDGE_BITS == 32
-    if (box.w - box.y < WIDE) {
-        try_rows(sink, found, &p, row, box);
-        return;
-    }
-#endif
     for (int start = 0; start <= box.z - box.x; start += ROWS)
         solve_rows(sink, found, &p, row, box, start);
 }
+
+#endif

@@ -20,6 +20,9 @@ _COUNT, _DENSE, _BRICKS, _EMIT = 0, 1, 2, 3
 DIRECT = 256
 """Most candidate rays of a triangle that one work-item does alone."""
 
+FEW = 32
+"""Most candidate rays of a sliver that one work-item does alone."""
+
 TILE = 32
 """A tile has about as many crossings as a square of that side."""
 
@@ -199,7 +202,7 @@ def flip_bricks(
 
 def _defines(axis: int, bits: int, sink: int, direct: int, tile: int) -> dict[str, int]:
     rays = {"AXIS": axis, "STEP_BITS": bits, "SINK": sink}
-    return rays | {"DIRECT": direct, "TILE": tile, "EDGE_BITS": 32}
+    return rays | {"DIRECT": direct, "FEW": FEW, "TILE": tile, "EDGE_BITS": 32}
 
 
 def _cast(

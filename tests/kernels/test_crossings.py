@@ -221,7 +221,7 @@ def test_slots_along_every_axis_equal_the_twin(
     """And so rays along x, y and z give the same voxels."""
     at = twin.AXES[axis]
     rays_u, rays_v, depth = shape[(at + 1) % 3], shape[(at + 2) % 3], shape[at]
-    defines = {"AXIS": at, "STEP_BITS": bits, "SINK": -1, "TILE": 1, "RUN": 1}
+    defines = {"AXIS": at, "STEP_BITS": bits, "SINK": -1, "TILE": 1, "RUN": 1, "FEW": 1 << 40}
     defines |= {"EDGE_BITS": edge, "DIRECT": 1 << (14 if edge == 32 else 40)}
     source = SLOTS + read_source("crossings/cast_rays.cl")
     kernel = build(session, source, "cast_direct", **defines)
