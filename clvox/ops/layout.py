@@ -193,6 +193,11 @@ class VoxelArrays:
         return self.shape if self.cells is None else self.cells.last.shape
 
     @property
+    def cell(self) -> Shape:
+        """Voxels along the sides of a cell of voxels; (1, 1, 1) in a dense grid."""
+        return (1, 1, 1) if self.cells is None else self.levels[-1]
+
+    @property
     def nbytes(self) -> int:
         """Bytes on the device."""
         return sum(array.nbytes for array in self.arrays)

@@ -128,18 +128,23 @@ def _follow(
     if columns * rows == 0:
         return
     arrays = scene.arrays
-    tile = TILE if scene.distances is not None and rays.begins else 0
-    defines = {"RULE": scene.rule, "LENGTHS": lengths, "TILE": tile, **arrays.defines}
+    near = scene.distances if rays.begins else None
+    none = arrays.voxels
+    beams: tuple[Argument, ...] = none, int4((0, 0, 0)), none, none
+    defines = {"RULE": scene.rule, "LENGTHS": lengths, "TILE": 0, "STATES": 0, **arrays.defines}
+    if near is not None:
+        starts = find_starts(session, near, arrays.shape, rays, size)
+        states = near.values if near.states is None else near.states
+        beams = starts, int4(near.shape), near.values, states
+        defines |= {"TILE": TILE, "STATES": int(near.states is not None)}
+        for name, side, cell in zip("XYZ", near.side, arrays.cell, strict=True):
+            defines[f"BLOCK_{name}"] = side // cell
     kernel = session.kernel(_MARCH, "march", **defines)
-    if tile and scene.distances is not None:
-        starts = find_starts(session, scene.distances, arrays.shape, rays, size)
-    else:
-        starts = session.empty(1, np.float32)
     box = int4(arrays.shape), int4(arrays.columns), int4(view.low), int4(view.high)
     session.run(
         kernel,
         columns * rows,
-        *(int2(columns, rows), *box, _float4(scene.spacing), *_ray_arguments(rays), starts),
+        *(int2(columns, rows), *box, _float4(scene.spacing), *_ray_arguments(rays), *beams),
         *(*arrays.arguments(scene.edge), voxels, far),
         steps=sum(arrays.columns),
     )

@@ -44,7 +44,6 @@ def model(session: Session, seed: int, cells: Shape, brick: Shape, share: float)
 def test_distances(session: Session, most_blocks: int, cells: Shape, share: float) -> None:
     arrays = model(session, 3, cells, (2, 2, 2), share)
     found = measure_distances(session, arrays, most_blocks=most_blocks)
-    assert found is not None
     assert arrays.cells is not None
     assert arrays.inside is not None
     words = arrays.cells.boundary.get() | arrays.inside.get()
@@ -59,16 +58,47 @@ def test_distances(session: Session, most_blocks: int, cells: Shape, share: floa
     np.testing.assert_array_equal(found.values.get().reshape(z, y, x), expected)
 
 
-def test_a_dense_model_has_none(session: Session) -> None:
-    words = session.zeros((4, 4, 1), np.uint32)
-    assert measure_distances(session, VoxelArrays((4, 4, 4), words)) is None
+def test_distances_of_a_dense_model(session: Session) -> None:
+    """Its voxels are the cells, eight to a block."""
+    rng = np.random.default_rng(7)
+    voxels = rng.random((37, 20, 70)) < 1e-4
+    arrays = VoxelArrays((70, 20, 37), session.upload(pack_bits(voxels)))
+    found = measure_distances(session, arrays)
+    assert found.shape == (9, 3, 5)
+    assert found.side == (8, 8, 8)
+    padded = np.zeros((40, 24, 72), bool)
+    padded[:37, :20, :70] = voxels
+    blocks = np.asarray(padded.reshape(5, 8, 3, 8, 9, 8).any(axis=(1, 3, 5)))
+    np.testing.assert_array_equal(found.values.get().reshape(5, 3, 9), block_distances(blocks, MOST))
+
+
+def test_one_word_tells_all_about_a_cell(session: Session) -> None:
+    """Its brick; or how far it is from cells of another kind."""
+    arrays = model(session, 4, (9, 7, 5), (2, 2, 2), 0.3)
+    found = measure_distances(session, arrays)
+    assert found.states is not None
+    assert arrays.cells is not None
+    assert arrays.inside is not None
+    boundary, inside = (
+        np.unpackbits(words.get().view(np.uint8), axis=-1, bitorder="little")[..., :9] > 0
+        for words in (arrays.cells.boundary, arrays.inside)
+    )
+    outer = block_distances(boundary | inside, MOST)
+    inner = block_distances(~inside, MOST)
+    expected = 0xFFFFFF00 + np.where(inside, 0x80 + inner.astype(np.int64), outer)
+    expected[boundary] = np.arange(boundary.sum())
+    np.testing.assert_array_equal(found.states.get().reshape(5, 7, 9), expected)
 
 
 @given(seed=st.integers(0, 2**32 - 1), parallel=st.booleans(), most=st.sampled_from([1 << 20, 60]))
 def test_starts_change_nothing(session: Session, seed: int, parallel: bool, most: int) -> None:
     """Of what is met, and of how long rays are within; from anywhere, and with any spacing."""
     rng = np.random.default_rng(seed)
-    arrays = model(session, seed, (8, 9, 7), (3, 2, 4), float(rng.choice([0.003, 0.03])))
+    share = float(rng.choice([0.003, 0.03, 0.9]))
+    arrays = model(session, seed, (8, 9, 7), (3, 2, 4), share)
+    if rng.random() < 0.3:
+        voxels = rng.random((20, 30, 40)) < 0.001
+        arrays = VoxelArrays((40, 30, 20), session.upload(pack_bits(voxels)))
     spacing = tuple(rng.choice([0.3, 1.0, 2.0], 3).tolist())
     grid = Grid((0, 0, 0), spacing, arrays.shape)
     low, high = grid.bounds
@@ -95,7 +125,6 @@ def test_most_rays_skip_much(session: Session) -> None:
     grid = Grid((0, 0, 0), 1.0, arrays.shape)
     view = Camera.around(grid).view(grid, (64, 64))
     distances = measure_distances(session, arrays)
-    assert distances is not None
     starts = find_starts(session, distances, arrays.shape, view.rays, (64, 64)).get()
     assert starts.shape == (64,)
     assert (starts > 0).all()
