@@ -23,6 +23,7 @@
 #include "attributes/octahedral.h"
 #include "raymarch/colours.h"
 #include "raymarch/rays.h"
+#include "raymarch/slope.h"
 #if LEVELS == 1
 #include "common/bricks.h"
 #endif
@@ -57,32 +58,6 @@ static inline uint read_within(
 static inline float place_in_voxel(const int bits, const long place, const int at)
 {
     return (float)(place - (long)at * (1L << bits)) / (float)(1L << bits);
-}
-
-/* Outward normal, in voxels, at `at` from the centre of `voxel`: not of length 1, but of about 1
- * on a plane, and of less where the voxels say little. */
-static inline float4 slope_at(const int4 shape, MODEL_PARAMETERS, const int4 voxel, const float4 at)
-{
-    const float reach = WINDOW + 0.5f;
-    float right = 0.0f, back = 0.0f, up = 0.0f, most = 0.0f;
-    for (int z = -WINDOW; z <= WINDOW; ++z)
-        for (int y = -WINDOW; y <= WINDOW; ++y)
-            for (int x = -WINDOW; x <= WINDOW; ++x) {
-                const float4 away = vec(x - at.x, y - at.y, z - at.z);
-                const float square = dot(away, away);
-                const float share = 1.0f - square / (reach * reach);
-                if (share <= 0.0f) continue;
-                const float weight = share * share;
-                most += weight * sqrt(square);
-                if (!read_within(
-                        (int4)(0), shape, MODEL_ARGUMENTS, voxel.x + x, voxel.y + y, voxel.z + z))
-                    continue;
-                right -= weight * away.x;
-                back -= weight * away.y;
-                up -= weight * away.z;
-            }
-    /* A half space has a quarter of it all. */
-    return vec(right, back, up) * (4.0f / most);
 }
 
 /* How much of the sky a place sees, from 0 to 1: of the voxels at `offsets` those above the
