@@ -78,12 +78,22 @@ class Rays:
     turn_down: Integers = (0, 0, 0)
     begins: bool = False
 
-    def below(self, row: int) -> Rays:
-        """Return the rays from *row* on."""
+    def middle(self, samples: int) -> Rays:
+        """Return the rays through the middles of blocks of *samples* x *samples* rays."""
+        if samples == 1:
+            return self
+        right, down = (_times(step, samples) for step in (self.right, self.down))
+        turn_right, turn_down = (
+            _times(step, samples) for step in (self.turn_right, self.turn_down)
+        )
         return replace(
             self,
-            start=_moved(self.start, self.down, row),
-            direction=_moved(self.direction, self.turn_down, row),
+            start=_moved(self.start, self.right, self.down, samples - 1),
+            direction=_moved(self.direction, self.turn_right, self.turn_down, samples - 1),
+            right=right,
+            down=down,
+            turn_right=turn_right,
+            turn_down=turn_down,
         )
 
 
@@ -113,6 +123,13 @@ class View:
     high: Integers
     pixel: tuple[float, float]
     begin: float
+
+    def middle(self, samples: int) -> View:
+        """Return the view of a ray for each *samples* x *samples* of the rays, in their middle."""
+        width, spread = self.pixel
+        return replace(
+            self, rays=self.rays.middle(samples), pixel=(width * samples, spread * samples)
+        )
 
 
 @dataclass(frozen=True)
@@ -345,9 +362,18 @@ def _integer_rays(
     )
 
 
-def _moved(place: Integers, step: Integers, count: int) -> Integers:
-    x, y, z = (at + count * part for at, part in zip(place, step, strict=True))
+def _moved(place: Integers, right: Integers, down: Integers, halves: int) -> Integers:
+    """A place after so many half steps along both."""
+    x, y, z = (
+        at + halves * (across + along) // 2
+        for at, across, along in zip(place, right, down, strict=True)
+    )
     return x, y, z
+
+
+def _times(step: Integers, count: int) -> Integers:
+    x, y, z = step
+    return x * count, y * count, z * count
 
 
 def _box_corners(low: NDArray[np.float64], high: NDArray[np.float64]) -> NDArray[np.float64]:

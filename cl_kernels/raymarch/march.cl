@@ -11,12 +11,14 @@
  *             LENGTHS  0: the first voxel that the rule takes; 1: the length within such voxels
  *             TILE     rays along the side of a tile that `starts` knows of; 0 without
  *             BLOCK_*  cells along the sides of a block, if TILE is not 0
+ *             LISTED, SAMPLES  (raymarch/samples.h)
  *             STATES   1: blocks are cells, and one word tells all about each
  * Source:     after Amanatides and Woo, "A fast voxel traversal algorithm for ray tracing",
  *             Eurographics 1987.
  */
 #include "common/model.h"
 #include "raymarch/rays.h"
+#include "raymarch/samples.h"
 #include "raymarch/states.h"
 
 #if LEVELS == 1
@@ -91,25 +93,28 @@ static inline long moment_beyond(
 #endif
 
 /* One work-item follows one ray.
- * size: rays along a row and a column; shape: voxels of the grid; columns: cells of voxels along
- * each axis, the voxels themselves in a dense grid; low, high: the voxels that are drawn.
+ * shape: voxels of the grid; columns: cells of voxels along each axis, the voxels themselves in a
+ * dense grid; low, high: the voxels that are drawn.
  * starts: (tiles,) float32, for each tile of TILE x TILE rays how far nothing is met, in
  * directions; INFINITY if nothing is met at all.  blocks, distances: shape of the grid of blocks,
  * and for each how far it is from one that is not empty.  None of the three is read unless TILE is
  * set.  states: (cells,) uint32 as merge() in distances.cl leaves them, read if STATES is set.
- * hits: (size.y, size.x, 4) int32, the voxel (i, j, k) and what is met; -1, -1, -1, 0 if nothing.
- * far: (size.y, size.x) float32, where it is met, in directions; or, if LENGTHS is set, the
+ * hits: (rays, 4) int32, the voxel (i, j, k) and what is met; -1, -1, -1, 0 if nothing.
+ * far: (rays,) float32, where it is met, in directions; or, if LENGTHS is set, the
  * length within, in the unit of `widths`, a voxel's. */
 __kernel void march(
-    const int2 size, const int4 shape, const int4 columns, const int4 low, const int4 high,
+    PIXEL_PARAMETERS, const int4 shape, const int4 columns, const int4 low, const int4 high,
     const float4 widths, RAY_PARAMETERS, const __global float *restrict starts, const int4 blocks,
     const __global uchar *restrict distances,
     const __global uint *restrict states, MODEL_PARAMETERS,
     __global int *restrict hits, __global float *restrict far)
 {
     const ulong id = get_global_id(0);
-    if (id >= (ulong)size.x * size.y) return;
-    const int row = (int)(id / size.x), column = (int)(id - (ulong)row * size.x);
+    const ulong item = id / (SAMPLES * SAMPLES);
+    if (item >= pixel_count) return;
+    const int2 ray = ray_of_sample(
+        NUMBER_OF_PIXEL(item), picture.x, (int)(id - item * (SAMPLES * SAMPLES)));
+    const int row = ray.y, column = ray.x;
 #if LENGTHS
     far[id] = 0.0f;
     long within = 0;
@@ -119,7 +124,7 @@ __kernel void march(
     far[id] = INFINITY;
 #endif
 #if TILE
-    const int tiles = (size.x + TILE - 1) / TILE;
+    const int tiles = (picture.x * SAMPLES + TILE - 1) / TILE;
     const float start_at = starts[(row / TILE) * tiles + column / TILE];
     if (start_at == INFINITY) return;
 #endif

@@ -80,9 +80,7 @@ def measure_distances(
     return Distances(shape, sides, values, states)
 
 
-def _spread(
-    session: Session, shape: Shape, given: cla.Array, defines: dict[str, int]
-) -> cla.Array:
+def _spread(session: Session, shape: Shape, given: cla.Array, defines: dict[str, int]) -> cla.Array:
     """Return distances from where *given* is 0; what was given is lost."""
     found = session.empty(given.size, np.uint8)
     kernel = session.kernel(_FILE, "spread", **defines)

@@ -146,3 +146,65 @@ def block_distances(occupied: NDArray[np.bool_], most: int) -> NDArray[np.uint8]
         for block in np.ndindex(occupied.shape):
             found[block] = min(most, int(np.abs(taken - block).max(axis=1).min()))
     return found
+
+
+def block_shares(
+    voxels: NDArray[np.bool_],
+    side: Integers,
+    margin: int,
+    plane: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0),
+) -> NDArray[np.uint8]:
+    """Return how much of each block of voxels is inside; 255 is all of it.
+
+    Parameters
+    ----------
+    voxels : (nz, ny, nx) bool
+    side : (3,) int
+        Voxels along the sides of a block.
+    margin : int
+        Empty blocks around the grid.
+    plane : (4,) float
+        What lies beyond it does not count: blocks whose middle, in voxels, times its first three
+        parts is above the fourth, in float32.
+
+    Returns
+    -------
+    [z, y, x] uint8
+    """
+    counts = [-(-count // width) for count, width in zip(voxels.shape, side[::-1], strict=True)]
+    shares = np.zeros([count + 2 * margin for count in counts], np.uint8)
+    whole = int(np.prod(side))
+    a, b, c, farthest = (np.float32(part) for part in plane)
+    for block in np.ndindex(*counts):
+        first = [at * width for at, width in zip(block, side[::-1], strict=True)]
+        box = tuple(slice(at, at + n) for at, n in zip(first, side[::-1], strict=True))
+        middle = [np.float32(at + n / 2) for at, n in zip(first, side[::-1], strict=True)]
+        if a * middle[2] + b * middle[1] + c * middle[0] > farthest:
+            continue
+        share = (int(voxels[box].sum()) * 255 + whole // 2) // whole
+        shares[tuple(at + margin for at in block)] = share
+    return shares
+
+
+def blurred(values: NDArray[np.uint8], weights: list[NDArray[np.int32]]) -> NDArray[np.uint8]:
+    """Return *values*, [z, y, x], blurred along x, then y, then z, and each time rounded.
+
+    weights: for each axis, of a place and of those on one side of it, in parts of 65536.
+    """
+    found = values.astype(np.int64)
+    for axis, shares in zip((2, 1, 0), weights, strict=True):
+        reach = len(shares) - 1
+        kernel = np.concatenate([shares[:0:-1], shares]).astype(np.int64)
+        padded = np.pad(found, [(reach, reach) if at == axis else (0, 0) for at in range(3)])
+        windows = np.lib.stride_tricks.sliding_window_view(padded, 2 * reach + 1, axis=axis)
+        found = (windows @ kernel + 32768) >> 16
+    return found.astype(np.uint8)
+
+
+def uneven_pixels(image: NDArray[np.uint8], least: int) -> NDArray[np.bool_]:
+    """Return which pixels differ by *least* or more, in a byte, from one of those around them."""
+    rows, columns, _ = image.shape
+    padded = np.pad(image.astype(int), ((1, 1), (1, 1), (0, 0)), mode="edge")
+    around = [padded[y : y + rows, x : x + columns] for y in range(3) for x in range(3)]
+    uneven: NDArray[np.bool_] = (np.abs(np.array(around) - image).max(axis=(0, 3))) >= least
+    return uneven

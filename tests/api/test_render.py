@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 import clvox
-from clvox.ops.raymarch import Scene, measure_lengths
+from clvox.ops.raymarch import Pixels, Scene, measure_lengths
 from clvox.reference.raymarch import lengths
 
 SIZE = 96, 72
@@ -113,8 +113,23 @@ def test_long_pictures_are_drawn_in_bands_that_do_not_show(
     ball: clvox.VoxelModel, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     whole = clvox.render(ball, size=SIZE)
-    monkeypatch.setattr(import_module("clvox.render.image"), "SAMPLES_PER_LAUNCH", 1000)
+    monkeypatch.setattr(import_module("clvox.ops.drawing"), "RAYS_AT_ONCE", 1000)
     np.testing.assert_array_equal(clvox.render(ball, size=SIZE), whole)
+
+
+@pytest.mark.parametrize("style", ["surface", "volume", "voxels"])
+def test_rays_are_saved_where_they_make_no_difference(ball: clvox.VoxelModel, style: Any) -> None:
+    """Edges are as smooth as with all rays everywhere, and nothing else changes visibly."""
+    few, all_rays = (
+        clvox.render(ball, size=(160, 120), style=style, samples=3, adaptive=adaptive).astype(int)
+        for adaptive in (True, False)
+    )
+    differ = np.abs(few - all_rays).max(axis=-1)
+    assert differ.max() <= 40
+    assert (differ > 6).mean() < 0.02
+    partly = (all_rays[..., 3] > 0) & (all_rays[..., 3] < 255) & (style != "volume")
+    assert partly.any() == (style != "volume")
+    np.testing.assert_array_equal(few[partly], all_rays[partly])
 
 
 def test_empty_model_is_an_empty_picture() -> None:
@@ -272,7 +287,7 @@ def test_lengths_are_those_of_the_solid(ball: clvox.VoxelModel) -> None:
     looking = clvox.Camera((3, -4, 2), (0, 0, 0), height=2.0)
     view = looking.view(ball.grid, (9, 9))
     scene = Scene(ball._arrays, ball.grid.spacing)
-    got = measure_lengths(ball._session, scene, view, view.rays, (9, 9)).get()
+    got = measure_lengths(ball._session, scene, view, Pixels.whole((9, 9))).get().reshape(9, 9)
     expected = lengths(ball.to_array(), view.rays, (9, 9), ball.grid.spacing)
     np.testing.assert_allclose(got, expected, atol=1e-5 * np.sqrt(12))
     place = (np.arange(9) - 4) * 2 / 9

@@ -15,7 +15,7 @@ from clvox.grid import Grid, Shape
 from clvox.ops.distances import MOST, measure_distances
 from clvox.ops.layout import VoxelArrays
 from clvox.ops.multilevel import rank_cells
-from clvox.ops.raymarch import Scene, find_starts, march, measure_lengths
+from clvox.ops.raymarch import Pixels, Scene, find_beams, find_starts, march, measure_lengths
 from clvox.reference.multilevel import pack_bits
 from clvox.reference.raymarch import block_distances
 from tests.kernels.cases import INTERPRETED
@@ -69,7 +69,9 @@ def test_distances_of_a_dense_model(session: Session) -> None:
     padded = np.zeros((40, 24, 72), bool)
     padded[:37, :20, :70] = voxels
     blocks = np.asarray(padded.reshape(5, 8, 3, 8, 9, 8).any(axis=(1, 3, 5)))
-    np.testing.assert_array_equal(found.values.get().reshape(5, 3, 9), block_distances(blocks, MOST))
+    np.testing.assert_array_equal(
+        found.values.get().reshape(5, 3, 9), block_distances(blocks, MOST)
+    )
 
 
 def test_one_word_tells_all_about_a_cell(session: Session) -> None:
@@ -105,17 +107,54 @@ def test_starts_change_nothing(session: Session, seed: int, parallel: bool, most
     eye, target = rng.uniform(low - (high - low), high + (high - low)), rng.uniform(low, high)
     height = float((high - low).max()) if parallel else None
     camera = Camera(tuple(eye), tuple(target), tuple(rng.normal(size=3)), height=height)
-    view = camera.view(grid, SIZE)
-    plain = Scene(arrays, grid.spacing)
-    skipping = replace(plain, distances=measure_distances(session, arrays, most_blocks=most))
-    hits = [march(session, scene, view, view.rays, SIZE) for scene in (plain, skipping)]
-    first, second = (found.voxels.get() for found in hits)
-    # What is met is the same; along which axis may differ where a ray begins in the voxel.
-    np.testing.assert_array_equal(first[..., :3], second[..., :3])
-    lengths = [
-        measure_lengths(session, scene, view, view.rays, SIZE).get() for scene in (plain, skipping)
-    ]
-    np.testing.assert_array_equal(lengths[0], lengths[1])
+    samples = int(rng.integers(1, 3))
+    view = camera.view(grid, (SIZE[0] * samples, SIZE[1] * samples))
+    distances = measure_distances(session, arrays, most_blocks=most)
+    beams = find_beams(session, distances, arrays.shape, view.rays, SIZE, samples)
+    scene = Scene(arrays, grid.spacing)
+    pictures = [(view, Pixels.whole(SIZE, samples)), (view.middle(samples), Pixels.whole(SIZE))]
+    for seen, pixels in pictures:
+        hits = [march(session, scene, seen, pixels, known) for known in (None, beams)]
+        first, second = (found.voxels.get() for found in hits)
+        # What is met is the same; along which axis may differ where a ray begins in the voxel.
+        np.testing.assert_array_equal(first[..., :3], second[..., :3])
+        lengths = [
+            measure_lengths(session, scene, seen, pixels, known).get() for known in (None, beams)
+        ]
+        np.testing.assert_array_equal(lengths[0], lengths[1])
+
+
+@pytest.mark.skipif(INTERPRETED, reason="its kernels are looked at by the other tests")
+@pytest.mark.parametrize("most", [1 << 22, 5000])
+def test_long_ways_change_nothing(session: Session, most: int) -> None:
+    """Through empty space and through the inside, from within and from outside."""
+    rng = np.random.default_rng(8)
+    cells = 40, 30, 50
+    arrays = model(session, 8, cells, (4, 4, 4), 2e-4)
+    assert arrays.inside is not None
+    # A large block of the cells is wholly inside.
+    inner = np.zeros(cells[::-1], bool)
+    inner[10:40, 5:25, 8:33] = True
+    assert arrays.cells is not None
+    held = arrays.cells.boundary.get()
+    solid = replace(arrays, inside=session.upload(pack_bits(inner) & ~held))
+    scene, grid = Scene(solid, (1.0, 1.0, 1.0)), Grid((0, 0, 0), 1.0, arrays.shape)
+    distances = measure_distances(session, solid, most_blocks=most)
+    for _ in range(6):
+        low, high = grid.bounds
+        eye = rng.uniform(low - 100, high + 100)
+        view = Camera(tuple(eye), tuple(rng.uniform(low, high)), fov=70.0).view(grid, (64, 48))
+        pixels = Pixels.whole((64, 48))
+        beams = find_beams(session, distances, arrays.shape, view.rays, (64, 48))
+        first, second = (
+            march(session, scene, view, pixels, known).voxels.get()[:, :3]
+            for known in (None, beams)
+        )
+        np.testing.assert_array_equal(first, second)
+        one, other = (
+            measure_lengths(session, scene, view, pixels, known).get() for known in (None, beams)
+        )
+        np.testing.assert_array_equal(one, other)
 
 
 @pytest.mark.skipif(INTERPRETED, reason="its kernels are looked at by the other tests")
