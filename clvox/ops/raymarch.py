@@ -203,7 +203,8 @@ def find_starts(
 ) -> cla.Array:
     """Return how far the rays of each tile meet nothing, (tiles,) float32, in directions.
 
-    Infinite for a tile whose rays meet nothing at all.  Rays begin somewhere.  tile: rays along its side.
+    Infinite for a tile whose rays meet nothing at all.  Rays begin somewhere.  tile: rays along
+    its side.
     """
     columns, rows = size
     tiles = -(-columns // tile) * -(-rows // tile)
