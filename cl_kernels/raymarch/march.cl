@@ -12,11 +12,15 @@
  *             TILE     rays along the side of a tile that `starts` knows of; 0 without
  *             BLOCK_*  cells along the sides of a block, if TILE is not 0
  *             LISTED, SAMPLES  (raymarch/samples.h)
+ *             PLANE    1: a plane cuts something away; with PLANE_BITS and TIME_BITS
  *             STATES   1: blocks are cells, and one word tells all about each
  * Source:     after Amanatides and Woo, "A fast voxel traversal algorithm for ray tracing",
  *             Eurographics 1987.
  */
 #include "common/model.h"
+#if PLANE
+#include "raymarch/plane.h"
+#endif
 #include "raymarch/rays.h"
 #include "raymarch/samples.h"
 #include "raymarch/states.h"
@@ -33,6 +37,7 @@
 
 /* What is met: the axis along which it is entered, whether a cut opens it, and what it is. */
 #define CUT 4
+#define BY_PLANE 3
 #define KIND(kind) ((kind) << 3)
 #define INSIDE_VOXEL 0
 #define TOUCHED_VOXEL 1
@@ -94,7 +99,8 @@ static inline long moment_beyond(
 
 /* One work-item follows one ray.
  * shape: voxels of the grid; columns: cells of voxels along each axis, the voxels themselves in a
- * dense grid; low, high: the voxels that are drawn.
+ * dense grid; low, high: the voxels that are drawn; plane: if PLANE is set, its normal, and what
+ * the product of that and a place is at most.
  * starts: (tiles,) float32, for each tile of TILE x TILE rays how far nothing is met, in
  * directions; INFINITY if nothing is met at all.  blocks, distances: shape of the grid of blocks,
  * and for each how far it is from one that is not empty.  None of the three is read unless TILE is
@@ -104,7 +110,7 @@ static inline long moment_beyond(
  * length within, in the unit of `widths`, a voxel's. */
 __kernel void march(
     PIXEL_PARAMETERS, const int4 shape, const int4 columns, const int4 low, const int4 high,
-    const float4 widths, RAY_PARAMETERS, const __global float *restrict starts, const int4 blocks,
+    const float4 widths, RAY_PARAMETERS, const long4 plane, const __global float *restrict starts, const int4 blocks,
     const __global uchar *restrict distances,
     const __global uint *restrict states, MODEL_PARAMETERS,
     __global int *restrict hits, __global float *restrict far)
@@ -147,7 +153,7 @@ __kernel void march(
     const long past_x = moment_past(&x), past_y = moment_past(&y), past_z = moment_past(&z);
     int axis = last_axis(in_x, in_y, in_z);
     long t = one_of(axis, in_x, in_y, in_z);
-    const int last = first_axis(past_x, past_y, past_z);
+    int last = first_axis(past_x, past_y, past_z);
     long end = one_of(last, past_x, past_y, past_z);
     /* What is met at once is cut open, unless that is where the grid ends. */
     const bool opened = axis == 0 ? (part_x < 0 ? high.x < shape.x : low.x > 0)
@@ -159,6 +165,24 @@ __kernel void march(
         axis = 2;
         cut = CUT | 2;
     }
+#if PLANE
+    const long slope = plane.x * part_x + plane.y * part_y + plane.z * part_z;
+    const long rest = plane.w - (plane.x * place_x + plane.y * place_y + plane.z * place_z);
+    if (slope == 0 && rest < 0) return;
+    if (slope != 0) {
+        const long meets = moment_at_plane(
+            slope < 0 ? -rest : rest, slope < 0 ? -slope : slope, size_x * size_y * size_z);
+        if (slope < 0 && is_before(t, axis, meets, 2)) {
+            t = meets;
+            axis = 2;
+            cut = CUT | BY_PLANE;
+        }
+        if (slope > 0 && is_before(meets, 2, end, last)) {
+            end = meets;
+            last = 2;
+        }
+    }
+#endif
 #if TILE
     const long later = (long)(start_at * whole);
     if (is_before(t, axis, later, 2)) {

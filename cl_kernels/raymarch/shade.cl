@@ -16,6 +16,7 @@
  *             STORED   1: there are normals; 0: they are derived
  *             LINES    1: faces of voxels are shown, and their edges drawn
  *             LIGHTS   number of lights
+ *             COLOURED 1: triangles have colours; with LATTICE_BITS
  *             SKY      1: what the sky hides is known
  *             SKY_MARGIN  blocks around the grid, if SKY
  * Source:     G. Young, "Multi-level voxel representation for GPU-accelerated solid modeling",
@@ -30,8 +31,13 @@
 #if LEVELS == 1
 #include "common/bricks.h"
 #endif
+#if COLOURED
+#include "raymarch/nearest.h"
+#endif
 
 #define CUT 4
+#define BY_PLANE 3
+#define TOUCHED_VOXEL 1
 #define INSIDE_CELL 2
 
 /* Of a blurred plane, at one standard deviation above it; and how dark full hollows are. */
@@ -182,15 +188,21 @@ static inline float4 light_of(
 #if LINES
 
 /* How near a place is to the edge of the face that it lies on, as an opacity: `at` is the place in
- * its cube, from 0 to 1, `axis` that across the face, and `wide` a sample, in the cube's sides. */
-static inline float line_at(const float4 at, const int axis, const float4 wide)
+ * its cube, from 0 to 1, `normal` that of the face, and `wide` a sample, in the cube's sides. */
+static inline float line_at(const float4 at, const float4 normal, const float4 wide)
 {
-    const float u = axis == 0 ? at.y : at.x, v = axis == 2 ? at.y : at.z;
-    const float wide_u = axis == 0 ? wide.y : wide.x, wide_v = axis == 2 ? wide.y : wide.z;
-    const float rest_u = fmin(u, 1.0f - u) / wide_u, rest_v = fmin(v, 1.0f - v) / wide_v;
+    const float4 rest = fmin(at, 1.0f - at) / wide;
+    /* Along the face it is farther to a side that the face meets at an angle; never to its own. */
+    const float x = rest.x / sqrt(fmax(1.0f - normal.x * normal.x, 1e-6f));
+    const float y = rest.y / sqrt(fmax(1.0f - normal.y * normal.y, 1e-6f));
+    const float z = rest.z / sqrt(fmax(1.0f - normal.z * normal.z, 1e-6f));
+    const float nearest = fmin(fabs(normal.x) > 0.99f ? INFINITY : x,
+                               fmin(fabs(normal.y) > 0.99f ? INFINITY : y,
+                                    fabs(normal.z) > 0.99f ? INFINITY : z));
+    const float widest = fmax(wide.x, fmax(wide.y, wide.z));
     /* A line is a pixel wide, and never hides more than a part of the face. */
-    const float sharp = clamp(1.3f - fmin(rest_u, rest_v) / SAMPLES, 0.0f, 1.0f);
-    return sharp * clamp(0.3f / (fmax(wide_u, wide_v) * SAMPLES) - 1.0f, 0.0f, 1.0f);
+    const float sharp = clamp(1.3f - nearest / SAMPLES, 0.0f, 1.0f);
+    return sharp * clamp(0.3f / (widest * SAMPLES) - 1.0f, 0.0f, 1.0f);
 }
 
 static inline float part_in(const int voxel, const float at, const int side)
@@ -200,24 +212,47 @@ static inline float part_in(const int voxel, const float at, const int side)
 
 #endif
 
+#if COLOURED
+
+/* Number of the cell of a touched voxel, as links have it. */
+static inline ulong linked_cell(
+    MODEL_PARAMETERS, const __global uint *touched, const __global uint *ranks, const int4 voxel)
+{
+#if LEVELS == 1
+    return rank_of(touched, ranks, cell_word(cells, voxel.x, voxel.y, voxel.z), voxel.x % 32);
+#else
+    const ulong state = cell_state(
+        MODEL_ARGUMENTS, voxel.x / BRICK_X, voxel.y / BRICK_Y, voxel.z / BRICK_Z);
+    return state < CELL_OUTSIDE ? state : NO_BRICK;
+#endif
+}
+
+#endif
+
 /* One work-item colours one pixel, the mean of SAMPLES x SAMPLES rays.
  * widths: of a voxel;
- * right_of, up_of, back_of: unit vectors of the view; shape: voxels of the grid.
+ * right_of, up_of, back_of: unit vectors of the view; cut_normal: of the plane that cuts; shape: voxels of the grid.
  * phong: ambient, diffuse, specular, shininess; emission.  background: linear, and its
  * opacity.  pixel, spread: width of a sample where rays begin, and for each unit farther on.
  * flip: -1 if normals point inwards.  colours: (4, 3) float32, linear, by what is met, and of a
  * cut.  blocks, block_side, sky_reach, sky: of clvox/ops/sky.py, if SKY.  voxels, far: as march()
- * leaves them.  touched, ranks, normals: of the touched voxels, if STORED.  pixels: (picture.y, picture.x, 4) uint8. */
+ * leaves them.  touched, ranks, normals: of the touched voxels, if STORED or COLOURED.
+ * link_offsets, linked: the triangles of each cell, as compressed rows; faces, vertices: of the mesh,
+ * on the lattice; palette: (triangles, 3) float32, linear: if COLOURED.
+ * pixels: (picture.y, picture.x, 4) uint8. */
 __kernel void shade(
     PIXEL_PARAMETERS, const int4 shape,
     RAY_PARAMETERS, const float4 widths, const float4 right_of,
-    const float4 up_of, const float4 back_of, const float4 phong, const float emission,
+    const float4 up_of, const float4 back_of, const float4 cut_normal, const float4 phong, const float emission,
     const float4 background, const float pixel, const float spread, const float flip,
     const __global float *restrict colours, const int4 blocks, const float4 block_side,
     const float sky_reach, const __global uchar *restrict sky,
     const __global int *restrict voxels, const __global float *restrict far, MODEL_PARAMETERS,
     const __global uint *restrict touched, const __global uint *restrict ranks,
-    const __global uint *restrict normals, __global uchar *restrict pixels)
+    const __global uint *restrict normals, const __global ulong *restrict link_offsets,
+    const __global int *restrict linked, const __global int *restrict faces,
+    const __global int *restrict vertices, const __global float *restrict palette,
+    __global uchar *restrict pixels)
 {
     const ulong id = get_global_id(0);
     if (id >= pixel_count) return;
@@ -251,8 +286,11 @@ __kernel void shade(
                                 axis == 1 ? -sign(ahead.y) : 0.0f,
                                 axis == 2 ? -sign(ahead.z) : 0.0f);
         /* Rays that begin inside show the plane on which they begin. */
-        const bool near = cut && far[ray] == 0.0f;
-        float4 normal = near ? back_of : face;
+        const bool near = cut && axis != BY_PLANE && far[ray] == 0.0f;
+        const bool by_plane = axis == BY_PLANE;
+        float4 normal = face;
+        if (near) normal = back_of;
+        if (by_plane) normal = cut_normal;
 #if !LINES
 #if STORED
         if (!cut) {
@@ -262,8 +300,10 @@ __kernel void shade(
                 shape, MODEL_ARGUMENTS, touched, ranks, normals, voxel, at, narrow) * flip;
             /* What lies wholly inside is met only where the grid ends. */
             if (dot(stored, stored) > 0.0f) normal = stored;
-            /* A sheet is seen from both sides. */
-            if (dot(normal, view) < -0.35f) normal = -normal;
+            /* A sheet is seen from both sides; at an edge the face behind it has no say. */
+            const float towards_eye = dot(normal, view);
+            if (towards_eye < -0.35f) normal = -normal;
+            else if (towards_eye < 0.0f) normal = face;
         }
 #else
         if (!cut) {
@@ -282,6 +322,14 @@ __kernel void shade(
         const float open = 1.0f;
 #endif
         const __global float *part = colours + 3 * (cut && !LINES ? 3 : kind);
+#if COLOURED
+        const ulong cell = kind == TOUCHED_VOXEL && !cut
+            ? linked_cell(MODEL_ARGUMENTS, touched, ranks, voxel) : NO_BRICK;
+        if (cell != NO_BRICK && link_offsets[cell] < link_offsets[cell + 1])
+            part = palette + 3 * (ulong)nearest_triangle(
+                linked, link_offsets[cell], link_offsets[cell + 1], faces, vertices, voxel, at,
+                vec(widths.x, widths.y, widths.z));
+#endif
         float4 colour = vec(part[0], part[1], part[2]);
 #if LINES
 #if LEVELS == 1
@@ -296,7 +344,7 @@ __kernel void shade(
                                    : within;
 #endif
         colour *= 1.0f - 0.6f * line_at(
-            place, axis, vec(wide / sides.x, wide / sides.y, wide / sides.z));
+            place, normal, (float4)(wide / sides.x, wide / sides.y, wide / sides.z, 1.0f));
 #endif
         const float4 light = light_of(
             normal, open, view, right_of, up_of, back_of, phong, emission, colour);

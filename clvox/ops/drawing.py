@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -13,7 +13,7 @@ from clvox.device import Session
 from clvox.ops.distances import Distances, measure_distances
 from clvox.ops.layout import VoxelArrays
 from clvox.ops.raymarch import Beams, Pixels, Scene, find_beams, march, measure_lengths
-from clvox.ops.shading import Fog, Paint, choose_pixels, shade, shade_volume
+from clvox.ops.shading import Coat, Fog, Paint, choose_pixels, shade, shade_volume
 from clvox.ops.sky import Part, Sky, measure_sky
 
 RAYS_AT_ONCE = 1 << 18
@@ -43,9 +43,12 @@ class Drawing:
 
     def sky_of(self, view: View) -> Sky:
         """The same where a view cuts something away."""
-        if view.low == (0, 0, 0) and view.high == self.arrays.shape:
+        if view.low == (0, 0, 0) and view.high == self.arrays.shape and view.cut is None:
             return self.sky
-        return measure_sky(self.session, self.arrays, self.spacing, Part(view.low, view.high))
+        part = Part(view.low, view.high)
+        if view.cut is not None:
+            part = replace(part, plane=view.cut.beyond)
+        return measure_sky(self.session, self.arrays, self.spacing, part)
 
     @property
     def nbytes(self) -> int:
@@ -59,6 +62,7 @@ class Picture:
     """What is drawn, and by which rays.
 
     view: of `samples` x `samples` rays for each pixel; size: columns and rows of pixels.
+    coat: colours of triangles, if they have some.
     """
 
     drawing: Drawing
@@ -66,6 +70,7 @@ class Picture:
     view: View
     size: tuple[int, int]
     samples: int
+    coat: Coat | None = None
 
 
 def draw(picture: Picture, look: Paint | Fog, *, occlusion: bool, adaptive: bool) -> cla.Array:
@@ -80,7 +85,7 @@ def draw(picture: Picture, look: Paint | Fog, *, occlusion: bool, adaptive: bool
     beams = find_beams(session, drawing.distances, shape, view.rays, size, samples)
     sky = drawing.sky_of(view) if occlusion and isinstance(look, Paint) else None
     canvas = session.empty((size[1], size[0], 4), np.uint8)
-    brush = _Brush(session, picture.scene, look, beams, sky, canvas)
+    brush = _Brush(session, picture.scene, look, beams, sky, picture.coat, canvas)
     if samples == 1 or not adaptive:
         brush.draw(view, Pixels.whole(size, samples))
         return canvas
@@ -99,6 +104,7 @@ class _Brush:
     look: Paint | Fog
     beams: Beams | None
     sky: Sky | None
+    coat: Coat | None
     canvas: cla.Array
 
     def draw(self, view: View, pixels: Pixels) -> None:
@@ -107,6 +113,7 @@ class _Brush:
             if isinstance(self.look, Fog):
                 lengths = measure_lengths(self.session, self.scene, view, part, self.beams)
                 shade_volume(self.session, lengths, part, self.look, self.canvas)
-            else:
-                hits = march(self.session, self.scene, view, part, self.beams)
-                shade(self.session, self.scene, view, part, hits, self.look, self.sky, self.canvas)
+                continue
+            hits = march(self.session, self.scene, view, part, self.beams)
+            known = part, hits, self.look, self.sky, self.canvas, self.coat
+            shade(self.session, self.scene, view, *known)

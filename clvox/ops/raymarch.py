@@ -10,7 +10,7 @@ import numpy as np
 import pyopencl.array as cla
 from pyopencl import cltypes
 
-from clvox.camera import Integers, Rays, View
+from clvox.camera import PLANE_BITS, TIME_BITS, Rays, View
 from clvox.device import Session
 from clvox.device.session import Argument
 from clvox.grid import Shape
@@ -52,9 +52,9 @@ class Scene:
 class Hits(NamedTuple):
     """What rays meet: voxels, (rays, 4) int32, and how far off, (rays,) float32.
 
-    A voxel is (i, j, k) and a word: the axis along which it is entered, 4 if a cut opens it, and 8
-    times what it is: 0 inside, 1 touched, 2 part of a cell that is inside.  -1, -1, -1, 0 is
-    nothing.  Distances are in directions of the rays.
+    A voxel is (i, j, k) and a word: the axis along which it is entered, or 3 for a plane at an
+    angle, 4 if a cut opens it, and 8 times what it is: 0 inside, 1 touched, 2 part of a cell that
+    is inside.  -1, -1, -1, 0 is nothing.  Distances are in directions of the rays.
     """
 
     voxels: cla.Array
@@ -153,7 +153,11 @@ def _follow(
     arrays = scene.arrays
     none = arrays.voxels
     known: tuple[Argument, ...] = none, int4((0, 0, 0)), none, none
-    defines = {"RULE": scene.rule, "LENGTHS": lengths, "TILE": 0, "STATES": 0}
+    defines = {"RULE": scene.rule, "LENGTHS": lengths, "PLANE": 0, "TILE": 0, "STATES": 0}
+    plane = 0, 0, 0, 0
+    if view.cut is not None:
+        plane = *view.cut.normal, view.cut.most
+        defines |= {"PLANE": 1, "PLANE_BITS": PLANE_BITS, "TIME_BITS": TIME_BITS}
     if beams is not None:
         near = beams.distances
         states = near.values if near.states is None else near.states
@@ -168,7 +172,7 @@ def _follow(
         kernel,
         pixels.rays,
         *pixels.arguments(none),
-        *(*box, float4(scene.spacing), *ray_arguments(view.rays), *known),
+        *(*box, float4(scene.spacing), *ray_arguments(view.rays), _long4(plane), *known),
         *(*arrays.arguments(scene.edge), voxels, far),
         steps=sum(arrays.columns) // (4 if beams else 1) + 1,
     )
@@ -247,5 +251,5 @@ def ray_arguments(rays: Rays) -> tuple[Argument, ...]:
     )
 
 
-def _long4(values: Integers) -> np.generic:
-    return np.void((*values, 0), cltypes.long4)
+def _long4(values: tuple[int, ...]) -> np.generic:
+    return np.void((*values, 0)[:4], cltypes.long4)

@@ -10,6 +10,7 @@ import pyopencl.array as cla
 from clvox.camera import View
 from clvox.device import Session
 from clvox.device.session import Argument
+from clvox.ops.facets import Facets
 from clvox.ops.layout import float4, int2, int4
 from clvox.ops.query import Rule
 from clvox.ops.raymarch import Hits, Pixels, Scene, ray_arguments
@@ -44,6 +45,26 @@ class Paint:
 
 
 @dataclass(frozen=True)
+class Coat:
+    """A colour for each triangle of the mesh that a model was made of.
+
+    offsets, linked: the triangles of each cell, as compressed rows.  facets: the mesh, on the
+    lattice of so many *bits*.  colours: (triangles, 3) float32, linear.
+    """
+
+    offsets: cla.Array
+    linked: cla.Array
+    facets: Facets
+    bits: int
+    colours: cla.Array
+
+    @property
+    def arguments(self) -> tuple[Argument, ...]:
+        """What `shade.cl` takes."""
+        return self.offsets, self.linked, self.facets.faces, self.facets.vertices, self.colours
+
+
+@dataclass(frozen=True)
 class Fog:
     """How what light goes through looks; colours are linear, (red, green, blue).
 
@@ -68,6 +89,7 @@ def shade(
     paint: Paint,
     sky: Sky | None,
     canvas: cla.Array,
+    coat: Coat | None = None,
 ) -> None:
     """Put the colours of *hits*, those of *pixels*, into *canvas*.
 
@@ -88,27 +110,31 @@ def shade(
         **pixels.defines,
         **arrays.defines,
     }
-    kernel = session.kernel(_SHADE, "shade", **defines)
     none = arrays.voxels
+    defines |= {"COLOURED": 0} if coat is None else {"COLOURED": 1, "LATTICE_BITS": coat.bits}
+    kernel = session.kernel(_SHADE, "shade", **defines)
     kept: tuple[Argument, ...] = none, none, none
-    if scene.touched is not None and scene.normals is not None:
-        kept = scene.touched.edge, scene.touched.rank, scene.normals
+    if scene.touched is not None:
+        normals = none if scene.normals is None else scene.normals
+        kept = scene.touched.edge, scene.touched.rank, normals
+    coloured = (none,) * 5 if coat is None else coat.arguments
     above: tuple[Argument, ...] = int4((0, 0, 0)), float4((1, 1, 1)), np.float32(0), none
     if sky is not None:
         above = int4(sky.shape), float4(sky.side), np.float32(sky.reach), sky.values
     phong = paint.ambient, paint.diffuse, paint.specular, paint.shininess
     colours = np.array(paint.colours, np.float32)
     pixel, spread = view.pixel
+    facing = view.back if view.cut is None else view.cut.facing
     session.run(
         kernel,
         pixels.count,
         *(*pixels.arguments(none), int4(arrays.shape)),
         *(*ray_arguments(view.rays), float4(scene.spacing)),
-        *(float4(view.right), float4(view.up), float4(view.back)),
+        *(float4(view.right), float4(view.up), float4(view.back), float4(facing)),
         *(float4(phong), np.float32(paint.emission), float4(paint.background)),
         *(np.float32(pixel), np.float32(spread), np.float32(scene.flip)),
         *(session.upload(colours), *above),
-        *(hits.voxels, hits.far, *arrays.arguments(scene.edge), *kept, canvas),
+        *(hits.voxels, hits.far, *arrays.arguments(scene.edge), *kept, *coloured, canvas),
         steps=pixels.samples**2 * (8 if stored else (2 * WINDOW + 1) ** 2),
     )
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from clvox.camera import Camera
 from clvox.errors import GridError
@@ -11,6 +11,7 @@ from clvox.models import VoxelModel
 from clvox.ops.drawing import Picture, draw
 from clvox.ops.raymarch import Scene
 from clvox.ops.shading import Fog, Paint
+from clvox.render.colours import coat_of
 from clvox.render.style import Colour, Material, Style, check_style, fog_of, paint_of
 
 MAX_SIDE = 16384
@@ -30,6 +31,7 @@ def render(
     style: Style = "surface",
     background: Colour | None = None,
     material: Material | None = None,
+    colours: ArrayLike | str | None = None,
     samples: int = 2,
     adaptive: bool = True,
     occlusion: bool = True,
@@ -58,6 +60,11 @@ def render(
     background : (int, int, int), optional
         Red, green and blue from 0 to 255, in sRGB; by default the background is transparent.
     material : Material, optional
+    colours : (triangles, 3) int or "bodies", optional
+        In the style "surface", of a model with ``attributes=("links",)``: red, green and blue of
+        each triangle of the mesh as it was given to `voxelize`, from 0 to 255, in sRGB; or a colour
+        for each body, that is for triangles which common vertices connect.  A place has the colour
+        of the nearest triangle that touches its cell.
     samples : int
         Rays along the side of a pixel, 1 to 8: more make edges smoother.
     adaptive : bool
@@ -79,6 +86,8 @@ def render(
     ------
     GridError
         The size, the style, a colour or a number makes no sense.
+    MeshError
+        There are *colours*, and the model has no links to triangles.
 
     Examples
     --------
@@ -94,6 +103,9 @@ def render(
     if absorption not in ("beer", "count"):
         raise GridError(f"absorption must be 'beer' or 'count', got {absorption!r}")
     camera = camera or Camera.around(model, aspect=columns / rows)
+    if colours is not None and style != "surface":
+        raise GridError(f"colours are for the style 'surface', not for {style!r}")
+    coat = None if colours is None else coat_of(model, colours)
     dense = _density(model, density)
     many = int(samples)
     view = camera.view(model.grid, (columns * many, rows * many))
@@ -103,7 +115,8 @@ def render(
     else:
         look = paint_of(material or Material(), style, background)
     # What a model holds is for the modules below; a picture reads it as the model itself does.
-    picture = Picture(model._drawing, _scene(model, style), view, (columns, rows), many)  # noqa: SLF001
+    drawing, scene = model._drawing, _scene(model, style)  # noqa: SLF001
+    picture = Picture(drawing, scene, view, (columns, rows), many, coat)
     image: NDArray[np.uint8] = draw(picture, look, occlusion=occlusion, adaptive=adaptive).get()
     return image
 
@@ -111,7 +124,10 @@ def render(
 def _scene(model: VoxelModel, style: Style) -> Scene:
     arrays, spacing = model._arrays, model.grid.spacing  # noqa: SLF001
     kept = model._attributes  # noqa: SLF001
-    if kept is None or style == "volume" or (style == "surface" and kept.normals is None):
+    linked = kept is not None and kept.offsets is not None
+    if kept is None or style == "volume":
+        return Scene(arrays, spacing)
+    if style == "surface" and kept.normals is None and not linked:
         return Scene(arrays, spacing)
     return Scene(arrays, spacing, kept.touched, kept.normals, -1 if kept.inwards else 1)
 

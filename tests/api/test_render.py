@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from importlib import import_module
 from typing import Any
 
@@ -190,6 +191,9 @@ def test_voxels_too_unequal_to_draw_are_refused() -> None:
         (lambda: camera(fov=30, height=1), "give fov= (degrees) or height="),
         (lambda: camera(near=-1), "near must be a length, 0 or more, got -1"),
         (lambda: camera(box=((1, 1, 1), (0, 0, 0))), "box must be a lowest and a highest corner"),
+        (lambda: camera(cut=((0, 0, 0), (0, 0, 0))), "cut must be a point and a normal"),
+        (lambda: camera(cut=(1, 2, 3)), "cut must be a point and a normal"),
+        (lambda: camera(cut=((0, 0, np.nan), (0, 0, 1))), "cut must be a point and a normal"),
         (lambda: around(direction=(0, 0, 0)), "direction must be three finite numbers, not all 0"),
         (lambda: around(direction=(1, 0, np.nan)), "direction must be three finite numbers"),
         (lambda: around(direction=(0, 0, -1)), "up must not be parallel to the view"),
@@ -243,6 +247,25 @@ def test_a_box_cuts_a_model_open() -> None:
     off = np.abs(cut[red].astype(int) - np.median(cut[red], axis=0)).max(axis=1)
     assert (off < 30).mean() > 0.7
     assert not (opaque(whole) & (whole[..., 0] > whole[..., 2])).any()
+
+
+def test_a_plane_cuts_a_model_open() -> None:
+    """At an angle; what it shows has its own colour and is flat."""
+    model = box_model()
+    looking = clvox.Camera.around(model, direction=(-1, 0.4, -0.3), parallel=True)
+    middle = tuple(model.bounds.mean(axis=0))
+    opened = replace(looking, cut=(middle, (1.0, 0.3, 0.2)))
+    options: dict[str, Any] = {"size": SIZE, "occlusion": False}
+    material = clvox.Material(color=(0, 0, 255), cut_color=(255, 0, 0))
+    whole = clvox.render(model, camera=looking, material=material, **options)
+    cut = clvox.render(model, camera=opened, material=material, **options)
+    assert 0.3 < opaque(cut).sum() / opaque(whole).sum() < 0.98
+    red = (cut[..., 3] == 255) & (cut[..., 0] > 1.5 * cut[..., 2])
+    assert red.sum() > 100
+    off = np.abs(cut[red].astype(int) - np.median(cut[red], axis=0)).max(axis=1)
+    assert (off < 6).mean() > 0.9
+    for style in ("voxels", "volume"):
+        assert opaque(clvox.render(model, camera=opened, style=style, **options)).any()
 
 
 def test_a_near_plane_opens_what_it_runs_through(ball: clvox.VoxelModel) -> None:

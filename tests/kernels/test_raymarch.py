@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from clvox.camera import Camera, Rays, View
+from clvox.camera import Camera, Plane, Rays, View
 from clvox.device import Session
 from clvox.errors import GridError
 from clvox.grid import Grid, Shape
@@ -91,7 +91,7 @@ def check_rays(
     spacing: tuple[float, float, float] = ONES,
 ) -> NDArray[np.int32]:
     """Compare both kernels with their twins, on a model of one level and on one of two."""
-    rays, box = view.rays, (view.low, view.high)
+    rays, box = view.rays, (view.low, view.high, view.cut)
     expected = first_voxels(voxels, rays, SIZE, *box)
     within = lengths(voxels, rays, SIZE, spacing, *box)
     diagonal = float(np.linalg.norm(np.array(shape_of(voxels)) * spacing))
@@ -148,8 +148,45 @@ def test_rays_of_cameras(session: Session, seed: int) -> None:
         eye = rng.uniform(low - (high - low), high + (high - low))
     box = None if rng.random() < 0.5 else np.sort(rng.uniform(low, high, (2, 3)), axis=0)
     lens = {"fov": 70.0} if rng.random() < 0.6 else {"height": float((high - low).max())}
-    camera = Camera(eye, target, rng.normal(size=3), box=box, **lens)  # type: ignore[arg-type]
+    # Sometimes along an axis, and through rays that are parallel to it.
+    normal = rng.normal(size=3) if rng.random() < 0.6 else np.eye(3)[rng.integers(3)] * -1
+    cut = None if rng.random() < 0.4 else (rng.uniform(low - 1, high + 1), normal)
+    camera = Camera(eye, target, rng.normal(size=3), box=box, cut=cut, **lens)  # type: ignore[arg-type]
     check_rays(session, voxels, camera.view(grid, SIZE), rng, grid.spacing)
+
+
+@given(seed=st.integers(0, 2**32 - 1), begins=st.booleans())
+def test_planes_through_edges_and_corners(session: Session, seed: int, begins: bool) -> None:
+    """Of small integers, so that rays meet them at edges, or are parallel to them."""
+    rng = np.random.default_rng(seed)
+    voxels = solid(rng)
+    shape = shape_of(voxels)
+    direction = rng.integers(-2, 3, 3)
+    direction[rng.integers(3)] = rng.choice([-1, 1])
+    triples = [direction, *(8 * rng.integers(-2, 3, (2, 3))), 8 * rng.integers(-8, 20, 3)]
+    ahead, right, down, start = ((int(x), int(y), int(z)) for x, y, z in triples)
+    rays = Rays(4, 0, 1 << 20, ahead, start, right, down, begins=begins)
+    normal = rng.integers(-2, 3, 3)
+    normal[rng.integers(3)] = rng.choice([-1, 1])
+    most = int(normal @ (8 * rng.integers(-1, 2 * np.array(shape) + 2)))
+    x, y, z = normal.tolist()
+    cut = Plane((x, y, z), most, np.zeros(3), (0.0, 0.0, 0.0, 0.0))
+    check_rays(session, voxels, replace(view_of(rays, shape), cut=cut), rng)
+
+
+def test_a_plane_halves_a_full_box(session: Session) -> None:
+    """The lengths on both sides of it make the whole, and neither is nothing."""
+    voxels = np.ones((8, 8, 8), bool)
+    grid = Grid((0, 0, 0), 1.0, (8, 8, 8))
+    scene = Scene(two_levels(session, voxels, (2, 4, 3)), ONES)
+    whole = Camera.around(grid, aspect=SIZE[0] / SIZE[1])
+    sums = []
+    for normal in ((1.0, 2.0, -0.5), (-1.0, -2.0, 0.5)):
+        view = replace(whole, cut=((4, 4, 4), normal)).view(grid, SIZE)
+        sums.append(measure_lengths(session, scene, view, Pixels.whole(SIZE)).get())
+    full = measure_lengths(session, scene, whole.view(grid, SIZE), Pixels.whole(SIZE)).get()
+    np.testing.assert_allclose(sums[0] + sums[1], full, atol=1e-4)
+    assert all(0.3 * full.sum() < half.sum() < 0.7 * full.sum() for half in sums)
 
 
 @pytest.mark.parametrize("lens", [{"fov": 40.0}, {"height": 8.0}])
