@@ -25,6 +25,7 @@ import clvox
 from benchmarks import frames as pictures
 from benchmarks import peers
 from benchmarks.dexels import dexels
+from benchmarks.young import young
 from clvox.bench import Contestant, Result, compare, meshes
 from clvox.bench.streaming import compare_with_copy
 from clvox.device import Session
@@ -278,7 +279,7 @@ CASES: dict[str, Case] = {
     case.__name__: case
     for case in (
         *(solid, levels, balance, update, boolean, mesh, dexels, scan, contains, streaming),
-        frames,
+        *(frames, young),
     )
 }
 """All cases, by name."""
