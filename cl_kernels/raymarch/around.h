@@ -20,7 +20,8 @@ static inline uint bits_from(
 #if LEVELS == 1
 
 /* Voxels from (x, y, z) on along x, at most 32 and within the grid. */
-static inline uint row_bits(MODEL_PARAMETERS, const int x, const int y, const int z, const int count)
+static inline uint row_bits(
+    MODEL_PARAMETERS, const int x, const int y, const int z, const int count)
 {
     const ulong row = ((ulong)z * cells.y + y) * ((cells.x + 31) / 32);
     return bits_from(bricks, row + x / 32, x % 32, count);
@@ -28,7 +29,7 @@ static inline uint row_bits(MODEL_PARAMETERS, const int x, const int y, const in
 
 #else
 
-/* The same of a cell in the state `state`, at (x, y, z) in its brick; the cell holds all of them. */
+/* The same of a cell in the state `state`, at (x, y, z) in its brick, which holds all of them. */
 static inline uint cell_bits(
     const __global uint *bricks, const ulong state, const int x, const int y, const int z,
     const int count)

@@ -5,7 +5,7 @@
  *
  * Host:       clvox/ops/raymarch.py, choose_pixels()
  * Reference:  clvox/reference/raymarch.py, uneven_pixels()
- * Tests:      tests/kernels/test_choose.py
+ * Tests:      tests/kernels/test_shade.py
  */
 
 static inline uint difference(const uint one, const uint other)
@@ -17,8 +17,9 @@ static inline uint difference(const uint one, const uint other)
 }
 
 /* One work-item looks at one pixel and the eight around it.
- * size: columns and rows; least: difference of a byte that counts.  pixels: (size.y, size.x) uint32,
- * four bytes.  listed: (1,) uint32, 0 before; list: (pixels,) uint32, in no particular order. */
+ * size: columns and rows; least: difference of a byte that counts.  pixels: (size.y, size.x)
+ * uint32, four bytes.  listed: (1,) uint32, 0 before; list: (pixels,) uint32, in no particular
+ * order. */
 __kernel void choose(
     const int2 size, const uint least, const __global uint *restrict pixels,
     __global uint *restrict listed, __global uint *restrict list)

@@ -37,8 +37,8 @@ __kernel void occupy(
     distances[id] = found ? 0 : MOST;
 }
 
-/* One work-item looks at one cell, 0 where it is not wholly inside, else MOST: as occupy() does, for
- * the way to where the inside ends. */
+/* One work-item looks at one cell, 0 where it is not wholly inside, else MOST: as occupy() does,
+ * for the way to where the inside ends. */
 __kernel void fill(
     const int4 cells, const __global uint *restrict inside, __global uchar *restrict distances)
 {

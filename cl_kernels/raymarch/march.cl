@@ -110,8 +110,8 @@ static inline long moment_beyond(
  * length within, in the unit of `widths`, a voxel's. */
 __kernel void march(
     PIXEL_PARAMETERS, const int4 shape, const int4 columns, const int4 low, const int4 high,
-    const float4 widths, RAY_PARAMETERS, const long4 plane, const __global float *restrict starts, const int4 blocks,
-    const __global uchar *restrict distances,
+    const float4 widths, RAY_PARAMETERS, const long4 plane, const __global float *restrict starts,
+    const int4 blocks, const __global uchar *restrict distances,
     const __global uint *restrict states, MODEL_PARAMETERS,
     __global int *restrict hits, __global float *restrict far)
 {

@@ -26,7 +26,7 @@ static inline float from_triangle(const float4 a, const float4 b, const float4 c
     return above ? height * height / square : sides;
 }
 
-/* A corner of a triangle, in the unit of `widths`, from the place `at` from the middle of `voxel`. */
+/* A corner of a triangle, as long as `widths`, from the place `at` off the middle of `voxel`. */
 static inline float4 corner_from(
     const __global int *vertices, const int number, const int4 voxel, const float4 at,
     const float4 widths)

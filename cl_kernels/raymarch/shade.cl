@@ -231,19 +231,21 @@ static inline ulong linked_cell(
 
 /* One work-item colours one pixel, the mean of SAMPLES x SAMPLES rays.
  * widths: of a voxel;
- * right_of, up_of, back_of: unit vectors of the view; cut_normal: of the plane that cuts; shape: voxels of the grid.
+ * right_of, up_of, back_of: unit vectors of the view; cut_normal: of the plane that cuts; shape:
+ * voxels of the grid.
  * phong: ambient, diffuse, specular, shininess; emission.  background: linear, and its
  * opacity.  pixel, spread: width of a sample where rays begin, and for each unit farther on.
  * flip: -1 if normals point inwards.  colours: (4, 3) float32, linear, by what is met, and of a
  * cut.  blocks, block_side, sky_reach, sky: of clvox/ops/sky.py, if SKY.  voxels, far: as march()
  * leaves them.  touched, ranks, normals: of the touched voxels, if STORED or COLOURED.
- * link_offsets, linked: the triangles of each cell, as compressed rows; faces, vertices: of the mesh,
- * on the lattice; palette: (triangles, 3) float32, linear: if COLOURED.
+ * link_offsets, linked: the triangles of each cell, as compressed rows; faces, vertices: of the
+ * mesh, on the lattice; palette: (triangles, 3) float32, linear: if COLOURED.
  * pixels: (picture.y, picture.x, 4) uint8. */
 __kernel void shade(
     PIXEL_PARAMETERS, const int4 shape,
     RAY_PARAMETERS, const float4 widths, const float4 right_of,
-    const float4 up_of, const float4 back_of, const float4 cut_normal, const float4 phong, const float emission,
+    const float4 up_of, const float4 back_of, const float4 cut_normal, const float4 phong,
+    const float emission,
     const float4 background, const float pixel, const float spread, const float flip,
     const __global float *restrict colours, const int4 blocks, const float4 block_side,
     const float sky_reach, const __global uchar *restrict sky,

@@ -1,9 +1,9 @@
 /*
  * raymarch/slope.h: the normal of a surface, from the voxels around a place.
  *
- * Each voxel pulls towards itself, by its distance from the place and by a weight that falls to 0 at
- * the window's end along each axis: so the normal turns smoothly as the place moves, from voxel to
- * voxel, too.  The weight is a product of one for each axis; hence the sum over the window goes row
+ * Each voxel pulls towards itself, by its distance from the place and by a weight that falls to 0
+ * at the window's end along each axis: so the normal turns smoothly as the place moves, from voxel
+ * to voxel, too.  The weight is a product of one for each axis; hence the sum over the window goes row
  * by row, eight voxels at a time.
  *
  * Defines:    WINDOW  voxels looked at on each side, at most 3
@@ -103,7 +103,8 @@ static inline float4 slope_at(const int4 shape, MODEL_PARAMETERS, const int4 vox
     const float pull_x = x.s0 + x.s1 + x.s2 + x.s3 + x.s4 + x.s5 + x.s6 + x.s7;
     const float sum_y = y.s0 + y.s1 + y.s2 + y.s3 + y.s4 + y.s5 + y.s6 + y.s7;
     const float sum_z = z.s0 + z.s1 + z.s2 + z.s3 + z.s4 + z.s5 + z.s6 + z.s7;
-    return (float4)(-2.0f * pull_x / (far_x * all_y * all_z), -2.0f * sum_y / (all_x * far_y * all_z),
+    return (float4)(-2.0f * pull_x / (far_x * all_y * all_z),
+                    -2.0f * sum_y / (all_x * far_y * all_z),
                     -2.0f * sum_z / (all_x * all_y * far_z), 0.0f);
 }
 

@@ -239,7 +239,7 @@ def test_saved_models_are_read(
 def test_pictures_are_cut_and_coloured(ball: Path, tmp_path: Path) -> None:
     """By a plane through the middle or through a point; and body by body."""
     pictures = []
-    for options in ([], ["--cut", "0,-1,0"], ["--cut=0,-1,0,0,99,0"], ["--colours", "bodies"]):
+    for options in ([], ["--cut", "0,-1,0"], ["--cut=0,1,0,0,99,0"], ["--colours", "bodies"]):
         target = str(tmp_path / "a.png")
         assert (
             main(["render", str(ball), "-r", "24", "-o", target, "--size", "64x48", *options]) == 0
