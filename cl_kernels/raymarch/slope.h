@@ -3,8 +3,8 @@
  *
  * Each voxel pulls towards itself, by its distance from the place and by a weight that falls to 0
  * at the window's end along each axis: so the normal turns smoothly as the place moves, from voxel
- * to voxel, too.  The weight is a product of one for each axis; hence the sum over the window goes row
- * by row, eight voxels at a time.
+ * to voxel, too.  The weight is a product of one for each axis; hence the sum over the window goes
+ * row by row, eight voxels at a time.
  *
  * Defines:    WINDOW  voxels looked at on each side, at most 3
  */
