@@ -1,7 +1,8 @@
 """Mill a part's outline out of its blank: moves, what they take, and pictures.
 
-    python milling.py [--moves 100] [--resolution 80] [--out milling.png]
+    python milling.py [part.stl] [--moves 100] [--resolution 80] [--out milling.png]
 
+Without a part it is one of NIST's: from the folder CLVOX_DATA, or the one that comes with clvox.
 The blank is the box around the part.  A ball end mill goes over it in lines, level by level, and
 never below the part: the tip follows the highest place of the part below the cutter.  Then what is
 left is turned ten times by a tenth of a turn, by way of its mesh, and compared with where it began.
@@ -10,13 +11,23 @@ left is turned ten times by a tenth of a turn, by way of its mesh, and compared 
 from __future__ import annotations
 
 import argparse
+import os
 import time
+from importlib.resources import files
+from pathlib import Path
 
 import numpy as np
 import trimesh
 from PIL import Image
 
 import clvox
+
+
+def default_part() -> Path:
+    """A part of NIST's: a larger one, if there is one."""
+    larger = Path(os.environ.get("CLVOX_DATA", ""), "parts", "nist_machined_part_pmi2_28k.stl.gz")
+    shipped = Path(str(files("clvox") / "demo" / "nist_bracket_plate_pmi1_5k.stl"))
+    return larger if larger.is_file() else shipped
 
 
 def path_over(part: clvox.DexelModel, cutter: clvox.Cutter, moves: int) -> np.ndarray:
@@ -54,7 +65,7 @@ def picture(model: clvox.DexelModel) -> Image.Image:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.split("\n", maxsplit=1)[0])
-    parser.add_argument("mesh", nargs="?", default="part.stl")
+    parser.add_argument("mesh", nargs="?", default=default_part())
     parser.add_argument("--moves", type=int, default=100)
     parser.add_argument("--resolution", type=int, default=80)
     parser.add_argument("--out", default="milling.png")
