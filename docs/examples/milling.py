@@ -41,15 +41,15 @@ def path_over(part: clvox.DexelModel, cutter: clvox.Cutter, moves: int) -> np.nd
     heights = heights.reshape(part.rays_shape)
     lines = max(2, round(np.sqrt(moves / 4)))
     stops = max(2, moves // lines)
+    spacing = (high[1] - low[1]) / (lines - 1)
     points = []
     for number, y in enumerate(np.linspace(low[1], high[1], lines)):
         xs = np.linspace(low[0], high[0], stops)[:: -1 if number % 2 else 1]
         for x in xs:
             ahead = (high[0] - low[0]) / (stops - 1) + cutter.radius
-            i, j = (
-                np.array([x - ahead, x + ahead]),
-                np.array([y - cutter.radius, y + cutter.radius]),
-            )
+            # At the end of a line the next move goes to the next line.
+            beside = cutter.radius + (spacing if x in (xs[0], xs[-1]) else 0.0)
+            i, j = np.array([x - ahead, x + ahead]), np.array([y - beside, y + beside])
             i = np.clip((i - low[0]) / grid.spacing[0], 0, grid.shape[0]).astype(int)
             j = np.clip((j - low[1]) / grid.spacing[1], 0, grid.shape[1]).astype(int)
             below = heights[j[0] : j[1] + 1, i[0] : i[1] + 1]
