@@ -11,8 +11,9 @@ from clvox.grid import Axis, Lattice
 from clvox.mesh import Surface
 from clvox.models.construct import timed
 from clvox.models.dexel_memory import DexelRoom
+from clvox.models.dexel_report import DexelReport
 from clvox.models.dexel_sources import Source, Sources
-from clvox.models.dexels import AXES, DexelModel, DexelReport
+from clvox.models.dexels import AXES, DexelModel
 from clvox.models.memory import LEAST_WORK, SMALL
 from clvox.models.sending import VISIT_BYTES, SentMesh
 from clvox.models.telling import Told

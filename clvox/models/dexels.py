@@ -17,6 +17,7 @@ from clvox.grid import Axis, Grid, Lattice
 from clvox.models import archive, dexel_archive
 from clvox.models.cutter import Cutter
 from clvox.models.dexel_moments import Integrals
+from clvox.models.dexel_report import DexelReport
 from clvox.models.dexel_sources import Source, Sources
 from clvox.models.dexel_surface import move_vertices
 from clvox.models.levels import Levels, resolve_levels
@@ -40,36 +41,6 @@ MOST_MESHES = 16
 
 _REPORTED = 100
 """Most triangles of odd rays that a report names."""
-
-
-@dataclass(frozen=True)
-class DexelReport(Report):
-    """How a dexel model was built, and what its rays are like.
-
-    Attributes besides those of `Report`, whose stages are snap, upload and list:
-
-    Attributes
-    ----------
-    crossings : int
-        Crossings of all rays; of a model made of others, ends of its pieces.
-    deepest : int
-        Most crossings of one ray.
-    deepest_ray : (int, int)
-        The first such ray, as an index into an array of the shape `DexelModel.rays_shape`.
-    thinnest : float
-        Length of the shortest piece; 0.0 if there is none.
-    thinnest_ray : (int, int) or None
-        The first ray that has such a piece.
-    odd_triangles : tuple of int
-        Triangles, a hundred at most, that odd rays cross; a closed mesh has no such rays.
-    """
-
-    crossings: int = 0
-    deepest: int = 0
-    deepest_ray: tuple[int, int] = (0, 0)
-    thinnest: float = 0.0
-    thinnest_ray: tuple[int, int] | None = None
-    odd_triangles: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -340,24 +311,15 @@ class DexelModel:
                 f"cutter must be a Cutter, got {cutter!r}. Make one with Cutter.flat, Cutter.ball "
                 "or Cutter.bull."
             )
-        moves, session = list(moves_of(path)), self._session
-        budget = find_budget(session, memory_budget)
+        moves = list(moves_of(path))
+        budget = find_budget(self._session, memory_budget)
         work = Work(self.grid, self._frame, self._pieces)
-        took = []
         with drawn(progress=progress, verb="cut", unit="moves") as tell:
-            for number, (start, stop) in enumerate(moves):
-                took.append(work.cut(number, cutter, start, stop))
-                if tell is not None:
-                    tell(number + 1, len(moves))
+            removed, engagement = work.cut_all(cutter, moves, tell)
         sources, _ = self._sources.joined(Sources((Source(len(moves)),)))
-        arrays = work.left(sources.starts[-2])
-        with session.job(budget):
-            offsets, depth, side = map(session.upload, arrays)
-            left = CrossingLists(offsets, depth, side, self.fraction_bits)
-            model = self._with_used(left, sources)
-        lengths = np.array(took, np.float64) * self._unit
-        section = self.grid.spacing[0] * self.grid.spacing[1]
-        return Cut(model, lengths[:, 0] * section, lengths[:, 1])
+        with self._session.job(budget):
+            left = work.left(self._session, sources.starts[-2])
+            return Cut(self._with_used(left, sources), removed, engagement)
 
     def moved(self, transform: ArrayLike, *, grid: Grid | None = None) -> DexelModel:
         """Return the model moved, by way of its mesh: as if it were clamped anew.

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -22,9 +22,11 @@ from clvox.errors import GridError
 from clvox.grid import Grid
 from clvox.models.cutter import Cutter, Floats
 from clvox.ops.dexels import Frame
+from clvox.ops.facets import Progress
 from clvox.ops.lists import CrossingLists
 
 if TYPE_CHECKING:
+    from clvox.device import Session
     from clvox.models.dexels import DexelModel
 
 SIDE = 8
@@ -99,8 +101,21 @@ class Work:
             total, most = total + int(taken.sum()), max(most, int(taken.max(initial=0)))
         return total, most
 
-    def left(self, first_triangle: int) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
-        """Return the offsets, depths and sides of what is left.
+    def cut_all(
+        self, cutter: Cutter, moves: Sequence[tuple[Floats, Floats]], tell: Progress | None
+    ) -> tuple[Floats, Floats]:
+        """Take away what all moves do; return the volume that each took, and its deepest cut."""
+        took = []
+        for number, (start, stop) in enumerate(moves):
+            took.append(self.cut(number, cutter, start, stop))
+            if tell is not None:
+                tell(number + 1, len(moves))
+        width_x, width_y, width_z = self._grid.spacing
+        lengths = np.array(took, np.float64) * (width_z / (1 << self._frame.fraction_bits))
+        return lengths[:, 0] * (width_x * width_y), lengths[:, 1]
+
+    def left(self, session: Session, first_triangle: int) -> CrossingLists:
+        """Return the ends of what is left, on the device.
 
         first_triangle: the number of the first move, as that of a triangle.
         """
@@ -115,7 +130,13 @@ class Work:
         side[shorter, 1] = (moves + np.uint32(first_triangle)) << np.uint32(1)
         offsets = np.zeros(self._frame.rays + 1, np.uint64)
         np.cumsum(2 * np.bincount(rays[kept], minlength=self._frame.rays), out=offsets[1:])
-        return offsets, depth[kept].ravel(), side[kept].ravel().view(np.int32)
+        depths, sides = depth[kept].ravel(), side[kept].ravel().view(np.int32)
+        return CrossingLists(
+            session.upload(offsets),
+            session.upload(depths),
+            session.upload(sides),
+            self._frame.fraction_bits,
+        )
 
     def _by_tiles(self, values: NDArray[np.int32]) -> NDArray[np.int32]:
         """Values of the rays, by tile and place in it; nothing beyond the grid."""

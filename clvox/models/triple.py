@@ -15,9 +15,10 @@ from clvox.device import open_session
 from clvox.errors import FormatError, GridError
 from clvox.grid import Grid
 from clvox.models import archive, dexel_archive
+from clvox.models.dexel_report import DexelReport
 from clvox.models.dexel_sources import Sources
 from clvox.models.dexel_surface import move_vertices
-from clvox.models.dexels import AXES, DexelModel, DexelReport, from_rays
+from clvox.models.dexels import AXES, DexelModel, from_rays
 from clvox.models.levels import Levels
 from clvox.models.voxels import VoxelModel
 from clvox.ops import dexel_voxels
