@@ -25,6 +25,8 @@ def contestants(
     """
     camera = clvox.Camera.around(model, aspect=size[0] / size[1])
     plain: dict[str, Any] = {"camera": camera, "size": size, "samples": 1, "occlusion": False}
+    # What the first picture makes is for all of them, as the peers' trees are.
+    clvox.render(model, camera=camera, size=(16, 9))
     ways = [Contestant("clvox, surface", lambda: clvox.render(model, **plain))]
     ways.append(Contestant("clvox, volume", lambda: clvox.render(model, style="volume", **plain)))
     ways.append(

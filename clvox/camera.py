@@ -41,6 +41,12 @@ PADDING = 256
 START_BITS = 62
 """Bits of the place of a ray before its fraction is dropped."""
 
+PLANE_BITS = 20
+"""Bits behind the point of the moment at which a ray meets a plane, in directions."""
+
+PLANE_NORMAL_BITS = 24
+"""Most bits of the largest part of a plane's normal."""
+
 MARGIN = 0.06
 """Part of the picture that stays empty on each side."""
 
@@ -78,13 +84,42 @@ class Rays:
     turn_down: Integers = (0, 0, 0)
     begins: bool = False
 
-    def below(self, row: int) -> Rays:
-        """Return the rays from *row* on."""
+    def middle(self, samples: int) -> Rays:
+        """Return the rays through the middles of blocks of *samples* x *samples* rays."""
+        if samples == 1:
+            return self
+        right, down = (_times(step, samples) for step in (self.right, self.down))
+        turn_right, turn_down = (
+            _times(step, samples) for step in (self.turn_right, self.turn_down)
+        )
         return replace(
             self,
-            start=_moved(self.start, self.down, row),
-            direction=_moved(self.direction, self.turn_down, row),
+            start=_moved(self.start, self.right, self.down, samples - 1),
+            direction=_moved(self.direction, self.turn_right, self.turn_down, samples - 1),
+            right=right,
+            down=down,
+            turn_right=turn_right,
+            turn_down=turn_down,
         )
+
+
+@dataclass(frozen=True)
+class Plane:
+    """A plane that cuts away what lies beyond it, in the places of rays.
+
+    A place is kept if its product with *normal* is at most *most*.  A ray meets the plane at the
+    moment ``whole * turns + (whole * parts >> PLANE_BITS)``, where whole is the moments of one
+    direction, and turns and parts are the quotient, rounded down, of how far the plane is by how
+    fast the ray nears it, and its first `PLANE_BITS` bits behind the point.
+
+    facing: unit normal, in the mesh's frame.  beyond: the same plane for places in voxels: their
+    product with the first three parts is above the fourth beyond it.
+    """
+
+    normal: Integers
+    most: int
+    facing: NDArray[np.float64]
+    beyond: tuple[float, float, float, float]
 
 
 @dataclass(frozen=True)
@@ -103,6 +138,8 @@ class View:
         each unit of length farther along the view.
     begin : float
         How far from the eye rays begin, along the view.
+    cut : Plane, optional
+        What lies beyond it is not drawn.
     """
 
     rays: Rays
@@ -113,6 +150,14 @@ class View:
     high: Integers
     pixel: tuple[float, float]
     begin: float
+    cut: Plane | None = None
+
+    def middle(self, samples: int) -> View:
+        """Return the view of a ray for each *samples* x *samples* of the rays, in their middle."""
+        width, spread = self.pixel
+        return replace(
+            self, rays=self.rays.middle(samples), pixel=(width * samples, spread * samples)
+        )
 
 
 @dataclass(frozen=True)
@@ -132,6 +177,9 @@ class Camera:
         Nothing nearer to the eye's plane than this is seen.
     box : ((x, y, z), (x, y, z)), optional
         Lowest and highest corner of what is seen, to the nearest voxel: look inside a model.
+    cut : ((x, y, z), (x, y, z)), optional
+        A point of a plane and its normal, at any angle: what lies on the side to which the normal
+        points is left out, and what the plane opens is drawn as a flat face.
 
     Raises
     ------
@@ -152,6 +200,7 @@ class Camera:
     height: float | None = None
     near: float = 0.0
     box: tuple[tuple[float, float, float], tuple[float, float, float]] | None = None
+    cut: tuple[tuple[float, float, float], tuple[float, float, float]] | None = None
 
     def __post_init__(self) -> None:
         for name in ("eye", "target", "up"):
@@ -170,6 +219,8 @@ class Camera:
         if self.box is not None:
             low, high = _corners(self.box)
             object.__setattr__(self, "box", (low, high))
+        if self.cut is not None:
+            object.__setattr__(self, "cut", _point_and_normal(self.cut))
         self.frame()
 
     @classmethod
@@ -269,7 +320,8 @@ class Camera:
         rays = _integer_rays(
             grid, size, (first, step * across, step * along), (ahead, *turns), from_eye=spread > 0
         )
-        return View(rays, right, above, back, low, high, (step, spread), begin)
+        cut = self._plane(grid, rays)
+        return View(rays, right, above, back, low, high, (step, spread), begin, cut)
 
     def frame(self) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
         """Return unit vectors to the right, upwards, and back to the eye; (3,) float64 each."""
@@ -282,6 +334,24 @@ class Camera:
             raise GridError(f"up must not be parallel to the view, got {self.up}")
         right /= np.linalg.norm(right)
         return right, np.cross(back, right), back
+
+    def _plane(self, grid: Grid, rays: Rays) -> Plane | None:
+        if self.cut is None:
+            return None
+        point, normal = (np.array(part) for part in self.cut)
+        widths = np.array(grid.spacing)
+        place = (point - grid.origin) / widths
+        across = normal * widths
+        across /= np.abs(across).max()
+        # So that products with places fit into 62 bits, and those with directions into 43.
+        most_bits = min(PLANE_NORMAL_BITS, TIME_BITS - 2 - rays.reach.bit_length())
+        whole = _integers(across * (2**most_bits - 1))
+        steps = _integers(np.clip(place, -(2.0**60), 2.0**60) * 2.0**rays.bits)
+        most = sum(part * at for part, at in zip(whole, steps, strict=True))
+        limit = 1 << TIME_BITS
+        beyond = *(across.tolist()), float(across @ place)
+        facing = normal / np.linalg.norm(normal)
+        return Plane(whole, max(-limit, min(most, limit)), facing, beyond)
 
     def _voxels(self, grid: Grid) -> tuple[Integers, Integers]:
         if self.box is None:
@@ -345,9 +415,18 @@ def _integer_rays(
     )
 
 
-def _moved(place: Integers, step: Integers, count: int) -> Integers:
-    x, y, z = (at + count * part for at, part in zip(place, step, strict=True))
+def _moved(place: Integers, right: Integers, down: Integers, halves: int) -> Integers:
+    """A place after so many half steps along both."""
+    x, y, z = (
+        at + halves * (across + along) // 2
+        for at, across, along in zip(place, right, down, strict=True)
+    )
     return x, y, z
+
+
+def _times(step: Integers, count: int) -> Integers:
+    x, y, z = step
+    return x * count, y * count, z * count
 
 
 def _box_corners(low: NDArray[np.float64], high: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -391,6 +470,21 @@ def _corners(
             f"box must be a lowest and a highest corner, each of three numbers, got {_plain(box)!r}"
         )
     return _tuple(corners[0]), _tuple(corners[1])
+
+
+def _point_and_normal(
+    cut: ArrayLike,
+) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
+    try:
+        parts = np.asarray(cut, dtype=np.float64)
+    except (TypeError, ValueError):
+        parts = np.empty(0)
+    if parts.shape != (2, 3) or not np.isfinite(parts).all() or not parts[1].any():
+        raise GridError(
+            "cut must be a point and a normal, each of three numbers, the normal's not all 0, got "
+            f"{_plain(cut)!r}"
+        )
+    return _tuple(parts[0]), _tuple(_unit("cut", parts[1]))
 
 
 def _integers(values: NDArray[np.float64]) -> Integers:

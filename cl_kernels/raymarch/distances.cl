@@ -7,10 +7,11 @@
  * Host:       clvox/ops/distances.py
  * Reference:  clvox/reference/raymarch.py, block_distances()
  * Tests:      tests/kernels/test_distances.py
- * Defines:    SIDE  coarse cells along the side of a block
+ * Defines:    SIDE  coarse cells along the side of a block, a power of two
  *             MOST  distances are at most this
  */
 #include "common/bricks.h"
+#include "raymarch/states.h"
 
 /* One work-item looks at one block.
  * blocks: shape of the grid of blocks; cells: of the coarse grid; boundary, inside: their bits.
@@ -24,14 +25,47 @@ __kernel void occupy(
     const int x = take_place(&number, blocks.x), y = take_place(&number, blocks.y);
     const int z = (int)number;
     if (z >= blocks.z) return;
+    /* The side is a power of two: a block's row is part of one word, or some words. */
+    const uint bits = SIDE < 32 ? (1u << (SIDE % 32)) - 1u : 0xffffffffu;
     uint found = 0;
     for (int k = z * SIDE; k < min((z + 1) * SIDE, cells.z); ++k)
         for (int j = y * SIDE; j < min((y + 1) * SIDE, cells.y); ++j)
-            for (int i = x * SIDE; i < min((x + 1) * SIDE, cells.x); ++i) {
+            for (int i = x * SIDE; i < min((x + 1) * SIDE, cells.x); i += 32) {
                 const ulong word = cell_word(cells, i, j, k);
-                found |= (boundary[word] | inside[word]) >> (i % 32) & 1;
+                found |= ((boundary[word] | inside[word]) >> (i % 32)) & bits;
             }
     distances[id] = found ? 0 : MOST;
+}
+
+/* One work-item looks at one cell, 0 where it is not wholly inside, else MOST: as occupy() does,
+ * for the way to where the inside ends. */
+__kernel void fill(
+    const int4 cells, const __global uint *restrict inside, __global uchar *restrict distances)
+{
+    const ulong id = get_global_id(0);
+    ulong number = id;
+    const int x = take_place(&number, cells.x), y = take_place(&number, cells.y);
+    const int z = (int)number;
+    if (z >= cells.z) return;
+    distances[id] = inside[cell_word(cells, x, y, z)] >> (x % 32) & 1 ? MOST : 0;
+}
+
+/* One work-item puts together what is known of one cell.
+ * outer, inner: (cells,) uint8, how far the next cell is that is not empty, and not inside.
+ * states: (cells,) uint32 (raymarch/states.h). */
+__kernel void merge(
+    const int4 cells, const __global uint *restrict boundary, const __global uint *restrict rank,
+    const __global uchar *restrict outer, const __global uchar *restrict inner,
+    __global uint *restrict states)
+{
+    const ulong id = get_global_id(0);
+    ulong number = id;
+    const int x = take_place(&number, cells.x), y = take_place(&number, cells.y);
+    const int z = (int)number;
+    if (z >= cells.z) return;
+    const uint brick = find_coarse(cells, boundary, rank, x, y, z);
+    const uint alone = inner[id] > 0 ? INSIDE_STATE | inner[id] : outer[id];
+    states[id] = brick != NO_BRICK ? brick : UNIFORM | alone;
 }
 
 /* One work-item looks along one axis; blocks lie `apart` in the array, `count` of them in a row. */

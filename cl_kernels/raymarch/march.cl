@@ -10,11 +10,20 @@
  * Defines:    LEVELS, RULE, BRICK_*, MIDDLE_*  (common/model.h)
  *             LENGTHS  0: the first voxel that the rule takes; 1: the length within such voxels
  *             TILE     rays along the side of a tile that `starts` knows of; 0 without
+ *             BLOCK_*  cells along the sides of a block, if TILE is not 0
+ *             LISTED, SAMPLES  (raymarch/samples.h)
+ *             PLANE    1: a plane cuts something away; with PLANE_BITS and TIME_BITS
+ *             STATES   1: blocks are cells, and one word tells all about each
  * Source:     after Amanatides and Woo, "A fast voxel traversal algorithm for ray tracing",
  *             Eurographics 1987.
  */
 #include "common/model.h"
+#if PLANE
+#include "raymarch/plane.h"
+#endif
 #include "raymarch/rays.h"
+#include "raymarch/samples.h"
+#include "raymarch/states.h"
 
 #if LEVELS == 1
 #define SIDE_X 1
@@ -28,10 +37,16 @@
 
 /* What is met: the axis along which it is entered, whether a cut opens it, and what it is. */
 #define CUT 4
+#define BY_PLANE 3
 #define KIND(kind) ((kind) << 3)
 #define INSIDE_VOXEL 0
 #define TOUCHED_VOXEL 1
 #define INSIDE_CELL 2
+
+/* After so many empty cells in a row a ray asks how far the next thing is.  Where nothing changes
+ * for so many blocks it goes on at once. */
+#define IDLE 6
+#define WORTH 3
 
 #if RULE == CENTRE
 #define IS_TAKEN(word, bit) (bricks[word] >> (bit) & 1)
@@ -41,62 +56,71 @@
 #define KIND_OF(word, bit) (edge[word] >> (bit) & 1 ? TOUCHED_VOXEL : INSIDE_VOXEL)
 #endif
 
-/* Something is met between the moments (since, along) and `until`: note it, and if only the first
- * such thing is asked for, end the walk. */
-#if LENGTHS
-#define MEET(x, y, z, since, along, until, kind) within += min(until, end) - since
-#else
-#define MEET(x, y, z, since, along, until, kind) \
+/* The first thing is met at the moment (since, along): note it, and end the walk. */
+#define MEET(x, y, z, since, along, kind) \
     do { \
         hits[4 * id] = x; \
         hits[4 * id + 1] = y; \
         hits[4 * id + 2] = z; \
-        hits[4 * id + 3] = \
-            along | (cut && since == begin && along == begun ? CUT : 0) | KIND(kind); \
+        hits[4 * id + 3] = (cut && since == begin && along == begun ? cut : along) | KIND(kind); \
         far[id] = (float)since / whole; \
         end = LONG_MIN; \
     } while (0)
+
+/* The cell in which the ray is, along one axis of the grid. */
+#define PLACE_IN_GRID(axis) (axis.turned ? columns.axis - 1 - cell_##axis : cell_##axis)
+
+#if STATES
+#define INDEX ((PLACE_IN_GRID(z) * cells.y + PLACE_IN_GRID(y)) * cells.x + PLACE_IN_GRID(x))
+#define GO(axis) index += go_cell_##axis
+#else
+#define GO(axis)
 #endif
 
-/* Go on with a walk, to the next cell along the axis `way`. */
-#define STEP(walk, way, x_apart, y_apart, z_apart) \
-    do { \
-        if (way == 0) { \
-            walk##_x += 1; \
-            walk##_out_x += x_apart; \
-        } else if (way == 1) { \
-            walk##_y += 1; \
-            walk##_out_y += y_apart; \
-        } else { \
-            walk##_z += 1; \
-            walk##_out_z += z_apart; \
-        } \
-    } while (0)
+/* The place of a bit in its brick. */
+#define BIT_X(bit) place_in(bit, BRICK_X)
+#define BIT_Y(bit) place_in((bit) / BRICK_X, BRICK_Y)
+#define BIT_Z(bit) ((bit) / (BRICK_X * BRICK_Y))
 
-/* The voxel in which the ray is, along one axis of the grid. */
-#define VOXEL_OF(axis) \
-    (axis.turned ? (columns.axis - cell_##axis) * SIDE_OF_##axis - 1 - voxel_##axis \
-                 : cell_##axis * SIDE_OF_##axis + voxel_##axis)
-#define SIDE_OF_x SIDE_X
-#define SIDE_OF_y SIDE_Y
-#define SIDE_OF_z SIDE_Z
+#if TILE
+
+/* The moment at which everything within `free` blocks of the block `near` is left along an axis,
+ * or the grid, of `columns` cells of `side` voxels, `block` to a block. */
+static inline long moment_beyond(
+    const Along *along, const int near, const int free, const int block, const int columns,
+    const int side)
+{
+    if (along->step == 0) return LONG_MAX;
+    const int cell = along->turned ? columns - (near - free + 1) * block : (near + free) * block;
+    return along->zero + (long)min(cell, columns) * side * along->step;
+}
+
+#endif
 
 /* One work-item follows one ray.
- * size: rays along a row and a column; shape: voxels of the grid; columns: cells of voxels along
- * each axis, the voxels themselves in a dense grid; low, high: the voxels that are drawn.
+ * shape: voxels of the grid; columns: cells of voxels along each axis, the voxels themselves in a
+ * dense grid; low, high: the voxels that are drawn; plane: if PLANE is set, its normal, and what
+ * the product of that and a place is at most.
  * starts: (tiles,) float32, for each tile of TILE x TILE rays how far nothing is met, in
- * directions; INFINITY if nothing is met at all; not read unless TILE is set.
- * hits: (size.y, size.x, 4) int32, the voxel (i, j, k) and what is met; -1, -1, -1, 0 if nothing.
- * far: (size.y, size.x) float32, where it is met, in directions; or, if LENGTHS is set, the
+ * directions; INFINITY if nothing is met at all.  blocks, distances: shape of the grid of blocks,
+ * and for each how far it is from one that is not empty.  None of the three is read unless TILE is
+ * set.  states: (cells,) uint32 as merge() in distances.cl leaves them, read if STATES is set.
+ * hits: (rays, 4) int32, the voxel (i, j, k) and what is met; -1, -1, -1, 0 if nothing.
+ * far: (rays,) float32, where it is met, in directions; or, if LENGTHS is set, the
  * length within, in the unit of `widths`, a voxel's. */
 __kernel void march(
-    const int2 size, const int4 shape, const int4 columns, const int4 low, const int4 high,
-    const float4 widths, RAY_PARAMETERS, const __global float *restrict starts, MODEL_PARAMETERS,
+    PIXEL_PARAMETERS, const int4 shape, const int4 columns, const int4 low, const int4 high,
+    const float4 widths, RAY_PARAMETERS, const long4 plane, const __global float *restrict starts,
+    const int4 blocks, const __global uchar *restrict distances,
+    const __global uint *restrict states, MODEL_PARAMETERS,
     __global int *restrict hits, __global float *restrict far)
 {
     const ulong id = get_global_id(0);
-    if (id >= (ulong)size.x * size.y) return;
-    const int row = (int)(id / size.x), column = (int)(id - (ulong)row * size.x);
+    const ulong item = id / (SAMPLES * SAMPLES);
+    if (item >= pixel_count) return;
+    const int2 ray = ray_of_sample(
+        NUMBER_OF_PIXEL(item), picture.x, (int)(id - item * (SAMPLES * SAMPLES)));
+    const int row = ray.y, column = ray.x;
 #if LENGTHS
     far[id] = 0.0f;
     long within = 0;
@@ -106,7 +130,7 @@ __kernel void march(
     far[id] = INFINITY;
 #endif
 #if TILE
-    const int tiles = (size.x + TILE - 1) / TILE;
+    const int tiles = (picture.x * SAMPLES + TILE - 1) / TILE;
     const float start_at = starts[(row / TILE) * tiles + column / TILE];
     if (start_at == INFINITY) return;
 #endif
@@ -129,23 +153,42 @@ __kernel void march(
     const long past_x = moment_past(&x), past_y = moment_past(&y), past_z = moment_past(&z);
     int axis = last_axis(in_x, in_y, in_z);
     long t = one_of(axis, in_x, in_y, in_z);
-    const int last = first_axis(past_x, past_y, past_z);
+    int last = first_axis(past_x, past_y, past_z);
     long end = one_of(last, past_x, past_y, past_z);
     /* What is met at once is cut open, unless that is where the grid ends. */
-    bool cut = axis == 0 ? (part_x < 0 ? high.x < shape.x : low.x > 0)
+    const bool opened = axis == 0 ? (part_x < 0 ? high.x < shape.x : low.x > 0)
              : axis == 1 ? (part_y < 0 ? high.y < shape.y : low.y > 0)
                          : (part_z < 0 ? high.z < shape.z : low.z > 0);
+    int cut = opened ? CUT | axis : 0;
     if (begins && is_before(t, axis, 0, 2)) {
         t = 0;
         axis = 2;
-        cut = true;
+        cut = CUT | 2;
     }
+#if PLANE
+    const long slope = plane.x * part_x + plane.y * part_y + plane.z * part_z;
+    const long rest = plane.w - (plane.x * place_x + plane.y * place_y + plane.z * place_z);
+    if (slope == 0 && rest < 0) return;
+    if (slope != 0) {
+        const long meets = moment_at_plane(
+            slope < 0 ? -rest : rest, slope < 0 ? -slope : slope, size_x * size_y * size_z);
+        if (slope < 0 && is_before(t, axis, meets, 2)) {
+            t = meets;
+            axis = 2;
+            cut = CUT | BY_PLANE;
+        }
+        if (slope > 0 && is_before(meets, 2, end, last)) {
+            end = meets;
+            last = 2;
+        }
+    }
+#endif
 #if TILE
     const long later = (long)(start_at * whole);
     if (is_before(t, axis, later, 2)) {
         t = later;
         axis = 2;
-        cut = false;
+        cut = 0;
     }
 #endif
     const long begin = t;
@@ -157,67 +200,172 @@ __kernel void march(
     long cell_out_x = moment_out(&x, x.zero, SIDE_X, cell_x);
     long cell_out_y = moment_out(&y, y.zero, SIDE_Y, cell_y);
     long cell_out_z = moment_out(&z, z.zero, SIDE_Z, cell_z);
+    const long apart_x = x.step * SIDE_X, apart_y = y.step * SIDE_Y, apart_z = z.step * SIDE_Z;
+#if STATES
+    const int go_cell_x = x.turned ? -1 : 1, go_cell_y = y.turned ? -cells.x : cells.x;
+    const int go_cell_z = z.turned ? -cells.x * cells.y : cells.x * cells.y;
+    int index = INDEX;
+#elif TILE
+    int idle = 0;
+#endif
     while (is_before(t, axis, end, last)) {
-        const int at_x = x.turned ? columns.x - 1 - cell_x : cell_x;
-        const int at_y = y.turned ? columns.y - 1 - cell_y : cell_y;
-        const int at_z = z.turned ? columns.z - 1 - cell_z : cell_z;
         const int way = first_axis(cell_out_x, cell_out_y, cell_out_z);
         const long out = one_of(way, cell_out_x, cell_out_y, cell_out_z);
+#if STATES
+        const uint state = states[index];
+        const bool uniform = state >= UNIFORM;
+        const int free = uniform ? (int)(state & FREE) : 0;
+        const bool within_cell = uniform && (state & INSIDE_STATE) != 0;
+#else
+        const int at_x = PLACE_IN_GRID(x), at_y = PLACE_IN_GRID(y), at_z = PLACE_IN_GRID(z);
 #if LEVELS == 1
         const ulong word = ((ulong)at_z * cells.y + at_y) * ((cells.x + 31) / 32) + at_x / 32;
-        if (IS_TAKEN(word, at_x % 32))
-            MEET(at_x, at_y, at_z, t, axis, out, KIND_OF(word, at_x % 32));
+        const bool uniform = !IS_TAKEN(word, at_x % 32), within_cell = false;
 #else
         const ulong state = cell_state(MODEL_ARGUMENTS, at_x, at_y, at_z);
-        if (state != CELL_OUTSIDE) {
+        const bool uniform = state >= CELL_OUTSIDE, within_cell = state == CELL_INSIDE;
+#endif
+#endif
+#if LENGTHS
+        const bool entered = !uniform;
+#else
+        const bool entered = !uniform || within_cell;
+#endif
+        if (entered) {
+#if STATES
+            const int at_x = PLACE_IN_GRID(x), at_y = PLACE_IN_GRID(y), at_z = PLACE_IN_GRID(z);
+#endif
+#if LEVELS == 1
+#if LENGTHS
+            within += min(out, end) - t;
+#else
+            MEET(at_x, at_y, at_z, t, axis, KIND_OF(word, at_x % 32));
+            break;
+#endif
+#else
             const long since_x = x.zero + (long)cell_x * SIDE_X * x.step;
             const long since_y = y.zero + (long)cell_y * SIDE_Y * y.step;
             const long since_z = z.zero + (long)cell_z * SIDE_Z * z.step;
-            const bool mixed = state != CELL_INSIDE;
-            const ulong base = mixed ? state * BRICK_WORDS : 0;
-            int voxel_x = cells_passed(
+            const int voxel_x = cells_passed(
                 &x, since_x, 1, x.standing - cell_x * SIDE_X, t, axis, 0);
-            int voxel_y = cells_passed(
+            const int voxel_y = cells_passed(
                 &y, since_y, 1, y.standing - cell_y * SIDE_Y, t, axis, 1);
-            int voxel_z = cells_passed(
+            const int voxel_z = cells_passed(
                 &z, since_z, 1, z.standing - cell_z * SIDE_Z, t, axis, 2);
-            long voxel_out_x = moment_out(&x, since_x, 1, voxel_x);
-            long voxel_out_y = moment_out(&y, since_y, 1, voxel_y);
-            long voxel_out_z = moment_out(&z, since_z, 1, voxel_z);
             /* The bit of the voxel in its brick moves along with it. */
             const int go_x = x.turned ? -1 : 1, go_y = y.turned ? -BRICK_X : BRICK_X;
             const int go_z = z.turned ? -BRICK_X * BRICK_Y : BRICK_X * BRICK_Y;
-            uint bit = ((z.turned ? SIDE_Z - 1 - voxel_z : voxel_z) * BRICK_Y
-                        + (y.turned ? SIDE_Y - 1 - voxel_y : voxel_y)) * BRICK_X
-                     + (x.turned ? SIDE_X - 1 - voxel_x : voxel_x);
+            int bit = ((z.turned ? SIDE_Z - 1 - voxel_z : voxel_z) * BRICK_Y
+                       + (y.turned ? SIDE_Y - 1 - voxel_y : voxel_y)) * BRICK_X
+                    + (x.turned ? SIDE_X - 1 - voxel_x : voxel_x);
+#if !LENGTHS
+            if (within_cell) {
+                MEET(at_x * SIDE_X + BIT_X(bit), at_y * SIDE_Y + BIT_Y(bit),
+                     at_z * SIDE_Z + BIT_Z(bit), t, axis, INSIDE_CELL);
+                break;
+            }
+#endif
+            const ulong base = (ulong)state * BRICK_WORDS;
+            long out_x = moment_out(&x, since_x, 1, voxel_x);
+            long out_y = moment_out(&y, since_y, 1, voxel_y);
+            long out_z = moment_out(&z, since_z, 1, voxel_z);
+            /* The walk ends where it leaves the brick, or at the end of it all. */
+            const bool leaves = is_before(out, way, end, last);
+            const long stop = leaves ? out : end;
+            const int stop_axis = leaves ? way : last;
             long now = t;
             int along = axis;
-            while (voxel_x < SIDE_X && voxel_y < SIDE_Y && voxel_z < SIDE_Z
-                   && is_before(now, along, end, last)) {
-                const int next = first_axis(voxel_out_x, voxel_out_y, voxel_out_z);
-                const long leave = one_of(next, voxel_out_x, voxel_out_y, voxel_out_z);
+            while (is_before(now, along, stop, stop_axis)) {
                 const ulong word = base + bit / 32;
-                if (!mixed) {
-#if LENGTHS
-                    within += min(out, end) - now;
+                const bool taken = IS_TAKEN(word, bit % 32);
+#if !LENGTHS
+                if (taken) {
+                    MEET(at_x * SIDE_X + BIT_X(bit), at_y * SIDE_Y + BIT_Y(bit),
+                         at_z * SIDE_Z + BIT_Z(bit), now, along, KIND_OF(word, bit % 32));
                     break;
-#else
-                    MEET(VOXEL_OF(x), VOXEL_OF(y), VOXEL_OF(z), now, along, out, INSIDE_CELL);
-#endif
-                } else if (IS_TAKEN(word, bit % 32)) {
-                    MEET(VOXEL_OF(x), VOXEL_OF(y), VOXEL_OF(z), now, along, leave,
-                         KIND_OF(word, bit % 32));
                 }
-                now = leave;
-                along = next;
-                bit += next == 0 ? go_x : (next == 1 ? go_y : go_z);
-                STEP(voxel, next, x.step, y.step, z.step);
+#endif
+#if LENGTHS
+                const long before = now;
+#endif
+                if (out_x <= out_y && out_x <= out_z) {
+                    now = out_x;
+                    along = 0;
+                    bit += go_x;
+                    out_x += x.step;
+                } else if (out_y <= out_z) {
+                    now = out_y;
+                    along = 1;
+                    bit += go_y;
+                    out_y += y.step;
+                } else {
+                    now = out_z;
+                    along = 2;
+                    bit += go_z;
+                    out_z += z.step;
+                }
+#if LENGTHS
+                if (taken) within += min(now, stop) - before;
+#endif
             }
+#endif
         }
+#if STATES
+        if (free >= WORTH) {
+#elif TILE
+        /* Rays that have met nothing for a while may be far from everything. */
+        idle = uniform && !within_cell ? idle + 1 : 0;
+        int free = 0;
+        if (idle >= IDLE) {
+            idle = 0;
+            const int near_x = at_x / BLOCK_X, near_y = at_y / BLOCK_Y, near_z = at_z / BLOCK_Z;
+            free = distances[((ulong)near_z * blocks.y + near_y) * blocks.x + near_x];
+        }
+        if (free >= WORTH) {
+#endif
+#if TILE
+#if STATES
+            const int at_x = PLACE_IN_GRID(x), at_y = PLACE_IN_GRID(y), at_z = PLACE_IN_GRID(z);
+#endif
+            const long then_x = moment_beyond(&x, at_x / BLOCK_X, free, BLOCK_X, columns.x, SIDE_X);
+            const long then_y = moment_beyond(&y, at_y / BLOCK_Y, free, BLOCK_Y, columns.y, SIDE_Y);
+            const long then_z = moment_beyond(&z, at_z / BLOCK_Z, free, BLOCK_Z, columns.z, SIDE_Z);
+            const long since = t;
+            axis = first_axis(then_x, then_y, then_z);
+            t = one_of(axis, then_x, then_y, then_z);
+#if LENGTHS
+            if (within_cell) within += min(t, end) - since;
+#endif
+            cell_x = cells_passed(&x, x.zero, SIDE_X, x.standing, t, axis, 0);
+            cell_y = cells_passed(&y, y.zero, SIDE_Y, y.standing, t, axis, 1);
+            cell_z = cells_passed(&z, z.zero, SIDE_Z, z.standing, t, axis, 2);
+            cell_out_x = moment_out(&x, x.zero, SIDE_X, cell_x);
+            cell_out_y = moment_out(&y, y.zero, SIDE_Y, cell_y);
+            cell_out_z = moment_out(&z, z.zero, SIDE_Z, cell_z);
+#if STATES
+            index = INDEX;
+#endif
+            continue;
+        }
+#endif
+#if LENGTHS
+        if (within_cell) within += min(out, end) - t;
 #endif
         t = out;
         axis = way;
-        STEP(cell, way, x.step * SIDE_X, y.step * SIDE_Y, z.step * SIDE_Z);
+        if (way == 0) {
+            cell_x += 1;
+            cell_out_x += apart_x;
+            GO(x);
+        } else if (way == 1) {
+            cell_y += 1;
+            cell_out_y += apart_y;
+            GO(y);
+        } else {
+            cell_z += 1;
+            cell_out_z += apart_z;
+            GO(z);
+        }
     }
 #if LENGTHS
     const float ahead_x = (float)part_x * widths.x, ahead_y = (float)part_y * widths.y;

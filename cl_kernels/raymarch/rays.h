@@ -40,6 +40,7 @@ static inline long not_zero(const long part)
 typedef struct {
     long zero;      /* moment at which plane 0 is met */
     long step;      /* moments from a plane between voxels to the next one; 0: it stands still */
+    float pace;     /* one by that; 0 if it stands still */
     int turned;     /* is the axis mirrored? */
     int low, high;  /* voxels that are drawn */
     int standing;   /* if it stands still: the voxel in which it does */
@@ -55,6 +56,7 @@ static inline void begin_along(
     along->turned = part < 0;
     along->zero = part < 0 ? (place - padded * one) * pace : -place * pace;
     along->step = part == 0 ? 0 : one * pace;
+    along->pace = part == 0 ? 0.0f : 1.0f / (float)along->step;
     along->low = part < 0 ? padded - high : low;
     along->high = part < 0 ? padded - low : high;
     along->standing = (int)(place >> bits);
@@ -85,7 +87,7 @@ static inline int cells_passed(
     if (apart == 0) return standing / side;
     /* In float32 this is right but for one, since a grid is not that long. */
     const long ahead = t - since - (own > axis);
-    const int count = (int)((float)ahead / (float)apart);
+    const int count = (int)((float)ahead * (along->pace / side));
     const long rest = ahead - count * apart;
     return max(count + (rest >= apart) - (rest < 0), 0);
 }

@@ -11,11 +11,14 @@
  *             from device to device
  * Tests:      tests/kernels/test_shade.py, tests/api/test_render.py
  * Defines:    LEVELS, RULE, BRICK_*, MIDDLE_*  (common/model.h)
- *             SAMPLES  along the side of a pixel
+ *             LISTED, SAMPLES  (raymarch/samples.h)
  *             WINDOW   voxels looked at on each side of a place
  *             STORED   1: there are normals; 0: they are derived
  *             LINES    1: faces of voxels are shown, and their edges drawn
  *             LIGHTS   number of lights
+ *             COLOURED 1: triangles have colours; with LATTICE_BITS
+ *             SKY      1: what the sky hides is known
+ *             SKY_MARGIN  blocks around the grid, if SKY
  * Source:     G. Young, "Multi-level voxel representation for GPU-accelerated solid modeling",
  *             2017, equations 4.6 to 4.9: ambient, diffuse, specular and emitted light.
  */
@@ -23,12 +26,23 @@
 #include "attributes/octahedral.h"
 #include "raymarch/colours.h"
 #include "raymarch/rays.h"
+#include "raymarch/samples.h"
+#include "raymarch/slope.h"
 #if LEVELS == 1
 #include "common/bricks.h"
 #endif
+#if COLOURED
+#include "raymarch/nearest.h"
+#endif
 
 #define CUT 4
+#define BY_PLANE 3
+#define TOUCHED_VOXEL 1
 #define INSIDE_CELL 2
+
+/* Of a blurred plane, at one standard deviation above it; and how dark full hollows are. */
+#define PLANE_LEAVES 0.1587f
+#define SKY_DEPTH 1.0f
 
 /* Places and directions are four wide, the last part being 0: Oclgrind crashes on some programs of
  * three wide vectors, and of small structs. */
@@ -45,67 +59,45 @@ static inline float4 unit(const float4 v)
     return v * (square > 0.0f ? 1.0f / sqrt(square) : 0.0f);
 }
 
-/* In or out; out beyond the voxels from low to before high. */
-static inline uint read_within(
-    const int4 low, const int4 high, MODEL_PARAMETERS, const int x, const int y, const int z)
-{
-    if (x < low.x || y < low.y || z < low.z || x >= high.x || y >= high.y || z >= high.z) return 0;
-    return read_voxel(MODEL_ARGUMENTS, x, y, z);
-}
-
 /* A place along one axis, in voxels from the lower face of voxel `at`. */
 static inline float place_in_voxel(const int bits, const long place, const int at)
 {
     return (float)(place - (long)at * (1L << bits)) / (float)(1L << bits);
 }
 
-/* Outward normal, in voxels, at `at` from the centre of `voxel`: not of length 1, but of about 1
- * on a plane, and of less where the voxels say little. */
-static inline float4 slope_at(const int4 shape, MODEL_PARAMETERS, const int4 voxel, const float4 at)
+#if SKY
+
+/* How full the space is at a place, in blocks from the middle of the first one; from 0 to 1. */
+static inline float fullness(const int4 blocks, const __global uchar *sky, const float4 at)
 {
-    const float reach = WINDOW + 0.5f;
-    float right = 0.0f, back = 0.0f, up = 0.0f, most = 0.0f;
-    for (int z = -WINDOW; z <= WINDOW; ++z)
-        for (int y = -WINDOW; y <= WINDOW; ++y)
-            for (int x = -WINDOW; x <= WINDOW; ++x) {
-                const float4 away = vec(x - at.x, y - at.y, z - at.z);
-                const float square = dot(away, away);
-                const float share = 1.0f - square / (reach * reach);
-                if (share <= 0.0f) continue;
-                const float weight = share * share;
-                most += weight * sqrt(square);
-                if (!read_within(
-                        (int4)(0), shape, MODEL_ARGUMENTS, voxel.x + x, voxel.y + y, voxel.z + z))
-                    continue;
-                right -= weight * away.x;
-                back -= weight * away.y;
-                up -= weight * away.z;
-            }
-    /* A half space has a quarter of it all. */
-    return vec(right, back, up) * (4.0f / most);
+    const float x = clamp(at.x, 0.0f, blocks.x - 1.001f), y = clamp(at.y, 0.0f, blocks.y - 1.001f);
+    const float z = clamp(at.z, 0.0f, blocks.z - 1.001f);
+    const int i = (int)x, j = (int)y, k = (int)z;
+    const float u = x - i, v = y - j, w = z - k;
+    const __global uchar *here = sky + ((ulong)k * blocks.y + j) * blocks.x + i;
+    const __global uchar *over = here + (ulong)blocks.x * blocks.y;
+    const int next = blocks.x;
+    const float front = mix((float)here[0], (float)here[1], u);
+    const float back = mix((float)here[next], (float)here[next + 1], u);
+    const float front_over = mix((float)over[0], (float)over[1], u);
+    const float back_over = mix((float)over[next], (float)over[next + 1], u);
+    return mix(mix(front, back, v), mix(front_over, back_over, v), w) * (1.0f / 255.0f);
 }
 
-/* How much of the sky a place sees, from 0 to 1: of the voxels at `offsets` those above the
- * surface count that are inside. */
+/* How much of the sky a place sees, from 0 to 1: what is `reach` above it, more than a plane leaves
+ * there, hides it.  normal: in the unit of `widths`. */
 static inline float sky_at(
-    const int4 low, const int4 high, MODEL_PARAMETERS, const int4 voxel, const float4 at,
-    const float4 normal, const int n, const __global float *offsets)
+    const int4 blocks, const float4 side, const float reach, const __global uchar *sky,
+    const float4 place, const float4 normal, const float4 widths)
 {
-    float hidden = 0.0f, all_of_it = 0.0f;
-    const float4 from = convert_float4(voxel) + 0.5f + at + normal * 2.0f;
-    for (int i = 0; i < n; ++i) {
-        const float4 either = vec(offsets[3 * i], offsets[3 * i + 1], offsets[3 * i + 2]);
-        const float height = dot(either, normal);
-        const float4 offset = either * (height < 0.0f ? -1.0f : 1.0f);
-        const float weight = fabs(height) / length(offset);
-        all_of_it += weight;
-        if (read_within(
-                low, high, MODEL_ARGUMENTS, (int)floor(from.x + offset.x),
-                (int)floor(from.y + offset.y), (int)floor(from.z + offset.z)))
-            hidden += weight;
-    }
-    return 1.0f - hidden / fmax(all_of_it, 1.0f);
+    const float4 above = place + normal * reach / widths;
+    const float4 at = vec(above.x / side.x, above.y / side.y, above.z / side.z)
+                    + (SKY_MARGIN - 0.5f);
+    const float hidden = (fullness(blocks, sky, at) - PLANE_LEAVES) / (1.0f - PLANE_LEAVES);
+    return 1.0f - SKY_DEPTH * clamp(hidden, 0.0f, 1.0f);
 }
+
+#endif
 
 #if STORED
 
@@ -196,15 +188,21 @@ static inline float4 light_of(
 #if LINES
 
 /* How near a place is to the edge of the face that it lies on, as an opacity: `at` is the place in
- * its cube, from 0 to 1, `axis` that across the face, and `wide` a sample, in the cube's sides. */
-static inline float line_at(const float4 at, const int axis, const float4 wide)
+ * its cube, from 0 to 1, `normal` that of the face, and `wide` a sample, in the cube's sides. */
+static inline float line_at(const float4 at, const float4 normal, const float4 wide)
 {
-    const float u = axis == 0 ? at.y : at.x, v = axis == 2 ? at.y : at.z;
-    const float wide_u = axis == 0 ? wide.y : wide.x, wide_v = axis == 2 ? wide.y : wide.z;
-    const float rest_u = fmin(u, 1.0f - u) / wide_u, rest_v = fmin(v, 1.0f - v) / wide_v;
+    const float4 rest = fmin(at, 1.0f - at) / wide;
+    /* Along the face it is farther to a side that the face meets at an angle; never to its own. */
+    const float x = rest.x / sqrt(fmax(1.0f - normal.x * normal.x, 1e-6f));
+    const float y = rest.y / sqrt(fmax(1.0f - normal.y * normal.y, 1e-6f));
+    const float z = rest.z / sqrt(fmax(1.0f - normal.z * normal.z, 1e-6f));
+    const float nearest = fmin(fabs(normal.x) > 0.99f ? INFINITY : x,
+                               fmin(fabs(normal.y) > 0.99f ? INFINITY : y,
+                                    fabs(normal.z) > 0.99f ? INFINITY : z));
+    const float widest = fmax(wide.x, fmax(wide.y, wide.z));
     /* A line is a pixel wide, and never hides more than a part of the face. */
-    const float sharp = clamp(1.3f - fmin(rest_u, rest_v) / SAMPLES, 0.0f, 1.0f);
-    return sharp * clamp(0.3f / (fmax(wide_u, wide_v) * SAMPLES) - 1.0f, 0.0f, 1.0f);
+    const float sharp = clamp(1.3f - nearest / SAMPLES, 0.0f, 1.0f);
+    return sharp * clamp(0.3f / (widest * SAMPLES) - 1.0f, 0.0f, 1.0f);
 }
 
 static inline float part_in(const int voxel, const float at, const int side)
@@ -214,34 +212,60 @@ static inline float part_in(const int voxel, const float at, const int side)
 
 #endif
 
+#if COLOURED
+
+/* Number of the cell of a touched voxel, as links have it. */
+static inline ulong linked_cell(
+    MODEL_PARAMETERS, const __global uint *touched, const __global uint *ranks, const int4 voxel)
+{
+#if LEVELS == 1
+    return rank_of(touched, ranks, cell_word(cells, voxel.x, voxel.y, voxel.z), voxel.x % 32);
+#else
+    const ulong state = cell_state(
+        MODEL_ARGUMENTS, voxel.x / BRICK_X, voxel.y / BRICK_Y, voxel.z / BRICK_Z);
+    return state < CELL_OUTSIDE ? state : NO_BRICK;
+#endif
+}
+
+#endif
+
 /* One work-item colours one pixel, the mean of SAMPLES x SAMPLES rays.
- * size: columns and rows of pixels; low, high: the voxels that are drawn; widths: of a voxel;
- * right_of, up_of, back_of: unit vectors of the view; shape: voxels of the grid.
+ * widths: of a voxel;
+ * right_of, up_of, back_of: unit vectors of the view; cut_normal: of the plane that cuts; shape:
+ * voxels of the grid.
  * phong: ambient, diffuse, specular, shininess; emission.  background: linear, and its
  * opacity.  pixel, spread: width of a sample where rays begin, and for each unit farther on.
  * flip: -1 if normals point inwards.  colours: (4, 3) float32, linear, by what is met, and of a
- * cut.  offsets: (n, 3) float32, in voxels.  voxels, far: as march() leaves them.  touched, ranks,
- * normals: of the touched voxels, if STORED.  pixels: (size.y, size.x, 4) uint8. */
+ * cut.  blocks, block_side, sky_reach, sky: of clvox/ops/sky.py, if SKY.  voxels, far: as march()
+ * leaves them.  touched, ranks, normals: of the touched voxels, if STORED or COLOURED.
+ * link_offsets, linked: the triangles of each cell, as compressed rows; faces, vertices: of the
+ * mesh, on the lattice; palette: (triangles, 3) float32, linear: if COLOURED.
+ * pixels: (picture.y, picture.x, 4) uint8. */
 __kernel void shade(
-    const int2 size, const int4 shape, const int4 low, const int4 high, RAY_PARAMETERS,
-    const float4 widths, const float4 right_of,
-    const float4 up_of, const float4 back_of, const float4 phong, const float emission,
+    PIXEL_PARAMETERS, const int4 shape,
+    RAY_PARAMETERS, const float4 widths, const float4 right_of,
+    const float4 up_of, const float4 back_of, const float4 cut_normal, const float4 phong,
+    const float emission,
     const float4 background, const float pixel, const float spread, const float flip,
-    const __global float *restrict colours, const int n, const __global float *restrict offsets,
+    const __global float *restrict colours, const int4 blocks, const float4 block_side,
+    const float sky_reach, const __global uchar *restrict sky,
     const __global int *restrict voxels, const __global float *restrict far, MODEL_PARAMETERS,
     const __global uint *restrict touched, const __global uint *restrict ranks,
-    const __global uint *restrict normals, __global uchar *restrict pixels)
+    const __global uint *restrict normals, const __global ulong *restrict link_offsets,
+    const __global int *restrict linked, const __global int *restrict faces,
+    const __global int *restrict vertices, const __global float *restrict palette,
+    __global uchar *restrict pixels)
 {
     const ulong id = get_global_id(0);
-    if (id >= (ulong)size.x * size.y) return;
-    const int line = (int)(id / size.x);
-    const int row = line * SAMPLES, column = (int)(id - (ulong)line * size.x) * SAMPLES;
-    const float4 inverse = (float4)(1.0f) / (float4)(widths.x, widths.y, widths.z, 1.0f);
+    if (id >= pixel_count) return;
+    const ulong number = NUMBER_OF_PIXEL(id);
+    const float4 widths4 = (float4)(widths.x, widths.y, widths.z, 1.0f);
+    const float4 inverse = (float4)(1.0f) / widths4;
     float4 sum = (float4)(0.0f);
     for (int sample = 0; sample < SAMPLES * SAMPLES; ++sample) {
-        const int below = sample / SAMPLES;
-        const int u = column + sample - below * SAMPLES, v = row + below;
-        const ulong ray = (ulong)v * size.x * SAMPLES + u;
+        const int2 place_of_ray = ray_of_sample(number, picture.x, sample);
+        const int u = place_of_ray.x, v = place_of_ray.y;
+        const ulong ray = id * (SAMPLES * SAMPLES) + sample;
         const int4 voxel = (int4)(voxels[4 * ray], voxels[4 * ray + 1], voxels[4 * ray + 2], 0);
         if (voxel.x < 0) {
             sum += over(background, (float4)(0.0f), 0.0f);
@@ -264,8 +288,11 @@ __kernel void shade(
                                 axis == 1 ? -sign(ahead.y) : 0.0f,
                                 axis == 2 ? -sign(ahead.z) : 0.0f);
         /* Rays that begin inside show the plane on which they begin. */
-        const bool near = cut && far[ray] == 0.0f;
-        float4 normal = near ? back_of : face;
+        const bool near = cut && axis != BY_PLANE && far[ray] == 0.0f;
+        const bool by_plane = axis == BY_PLANE;
+        float4 normal = face;
+        if (near) normal = back_of;
+        if (by_plane) normal = cut_normal;
 #if !LINES
 #if STORED
         if (!cut) {
@@ -275,8 +302,10 @@ __kernel void shade(
                 shape, MODEL_ARGUMENTS, touched, ranks, normals, voxel, at, narrow) * flip;
             /* What lies wholly inside is met only where the grid ends. */
             if (dot(stored, stored) > 0.0f) normal = stored;
-            /* A sheet is seen from both sides. */
-            if (dot(normal, view) < -0.35f) normal = -normal;
+            /* A sheet is seen from both sides; at an edge the face behind it has no say. */
+            const float towards_eye = dot(normal, view);
+            if (towards_eye < -0.35f) normal = -normal;
+            else if (towards_eye < 0.0f) normal = face;
         }
 #else
         if (!cut) {
@@ -288,11 +317,21 @@ __kernel void shade(
         }
 #endif
 #endif
-        const float4 up_here = unit(
-            vec(normal.x * widths.x, normal.y * widths.y, normal.z * widths.z));
-        const float sky = sky_at(
-            low, high, MODEL_ARGUMENTS, voxel, at, up_here, near ? 0 : n, offsets);
+#if SKY
+        const float open = near ? 1.0f : sky_at(
+            blocks, block_side, sky_reach, sky, convert_float4(voxel) + within, normal, widths4);
+#else
+        const float open = 1.0f;
+#endif
         const __global float *part = colours + 3 * (cut && !LINES ? 3 : kind);
+#if COLOURED
+        const ulong cell = kind == TOUCHED_VOXEL && !cut
+            ? linked_cell(MODEL_ARGUMENTS, touched, ranks, voxel) : NO_BRICK;
+        if (cell != NO_BRICK && link_offsets[cell] < link_offsets[cell + 1])
+            part = palette + 3 * (ulong)nearest_triangle(
+                linked, link_offsets[cell], link_offsets[cell + 1], faces, vertices, voxel, at,
+                vec(widths.x, widths.y, widths.z));
+#endif
         float4 colour = vec(part[0], part[1], part[2]);
 #if LINES
 #if LEVELS == 1
@@ -307,11 +346,11 @@ __kernel void shade(
                                    : within;
 #endif
         colour *= 1.0f - 0.6f * line_at(
-            place, axis, vec(wide / sides.x, wide / sides.y, wide / sides.z));
+            place, normal, (float4)(wide / sides.x, wide / sides.y, wide / sides.z, 1.0f));
 #endif
         const float4 light = light_of(
-            normal, sky, view, right_of, up_of, back_of, phong, emission, colour);
+            normal, open, view, right_of, up_of, back_of, phong, emission, colour);
         sum += over(background, light, 1.0f);
     }
-    store_pixel(pixels + 4 * id, sum * (1.0f / (SAMPLES * SAMPLES)));
+    store_pixel(pixels + 4 * number, sum * (1.0f / (SAMPLES * SAMPLES)));
 }

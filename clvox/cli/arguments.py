@@ -33,6 +33,17 @@ def parse(argv: Sequence[str] | None) -> argparse.Namespace:
     return options
 
 
+def _plane(text: str) -> tuple[float, ...]:
+    """The normal of a plane, and a point of it if there is one."""
+    try:
+        numbers = tuple(float(part) for part in text.split(","))
+    except ValueError:
+        numbers = ()
+    if len(numbers) not in (3, 6):
+        raise argparse.ArgumentTypeError(f"{text!r} is not three or six numbers with commas")
+    return numbers
+
+
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="clvox",
@@ -115,6 +126,18 @@ def _parser() -> argparse.ArgumentParser:
         choices=("surface", "voxels", "volume"),
         default="surface",
         help="a lit surface; cubes, coloured by what they are; or how much a ray runs inside",
+    )
+    render.add_argument(
+        "--cut",
+        type=_plane,
+        metavar="NX,NY,NZ[,X,Y,Z]",
+        help="cut away what is on the side to which a plane's normal points: the plane through the "
+        "point X,Y,Z, or through the middle",
+    )
+    render.add_argument(
+        "--colours",
+        choices=("bodies",),
+        help="a colour for each body of the mesh; for the style surface",
     )
 
     demo = verbs.add_parser(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -143,9 +143,17 @@ def mesh(options: argparse.Namespace, console: Console) -> None:
 def render(options: argparse.Namespace, console: Console) -> None:
     """Make a picture of voxels."""
     target = files.writable(options.output, files.PICTURES, options.file)
-    model = model_of(options.file, options, console, attributes=("normals",))
+    wanted: list[Attribute] = ["normals"] if options.colours is None else ["normals", "links"]
+    model = model_of(options.file, options, console, attributes=wanted)
     with console.stage("render"):
-        image = clvox.render(model, size=options.size, style=options.style)
+        columns, rows = options.size
+        camera = clvox.Camera.around(model, aspect=columns / rows)
+        if options.cut is not None:
+            point = options.cut[3:] or tuple(model.bounds.mean(axis=0).tolist())
+            camera = replace(camera, cut=(point, options.cut[:3]))
+        image = clvox.render(
+            model, camera=camera, size=options.size, style=options.style, colours=options.colours
+        )
     with console.stage("write"):
         write_picture(image, target)
     tell_file(target, "the picture", console)

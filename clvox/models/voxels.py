@@ -29,7 +29,7 @@ from clvox.models.snapping import swept_volume
 from clvox.ops import combine, measure, pack, query
 from clvox.ops.boundary import mark_cells, mark_voxels
 from clvox.ops.combine import Operation
-from clvox.ops.distances import Distances, measure_distances
+from clvox.ops.drawing import Drawing
 from clvox.ops.facets import Progress, upload_facets
 from clvox.ops.layout import VoxelArrays
 from clvox.ops.query import Rule
@@ -122,8 +122,8 @@ class VoxelModel:
     @property
     def nbytes(self) -> int:
         """Bytes of device memory that the model holds."""
-        distances = self.__dict__.get("_distances")
-        held = self._arrays.nbytes + (distances.values.nbytes if distances is not None else 0)
+        drawing = self.__dict__.get("_drawing")
+        held = self._arrays.nbytes + (drawing.nbytes if drawing is not None else 0)
         if self._attributes is not None:
             return held + self._attributes.nbytes
         edge = self.__dict__.get("_edge")
@@ -608,9 +608,9 @@ class VoxelModel:
         return marks
 
     @cached_property
-    def _distances(self) -> Distances | None:
-        """Lets rays skip what is empty; made for the first picture."""
-        return measure_distances(self._session, self._arrays)
+    def _drawing(self) -> Drawing:
+        """What pictures need besides; its parts are made for the first one."""
+        return Drawing(self._session, self._arrays, self.grid.spacing)
 
     def _kept(self) -> Attributes:
         if self._attributes is None:

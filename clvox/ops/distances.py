@@ -8,6 +8,7 @@ import numpy as np
 import pyopencl.array as cla
 
 from clvox.device import Session
+from clvox.device.session import Argument
 from clvox.grid import Shape
 from clvox.ops.layout import VoxelArrays, cell_shape, int4
 
@@ -19,41 +20,71 @@ MOST = 64
 BLOCKS = 1 << 22
 """About how many blocks there are at most."""
 
+DENSE_SIDE = 8
+"""Voxels along the sides of the blocks of a dense model, at least."""
+
 
 @dataclass(frozen=True)
 class Distances:
     """For each block of coarse cells its distance to one that is not empty, in blocks.
 
-    The largest of the distances along the axes; 0 for a block that is not empty itself.
+    The largest of the distances along the axes; 0 for a block that is not empty itself.  A dense
+    model's voxels count as coarse cells.
 
     shape: blocks (x, y, z); side: voxels along the sides of one; values: uint8, x fastest.
+    states: (cells,) uint32 of `raymarch/states.h`, if blocks are cells of voxels.
     """
 
     shape: Shape
     side: Shape
     values: cla.Array
+    states: cla.Array | None = None
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes on the device."""
+        return int(self.values.nbytes + (0 if self.states is None else self.states.nbytes))
 
 
 def measure_distances(
     session: Session, arrays: VoxelArrays, *, most_blocks: int = BLOCKS
-) -> Distances | None:
-    """Return the distances of a model; None for one without coarse cells."""
-    cells, inside = arrays.cells, arrays.inside
-    if cells is None or inside is None:
-        return None
-    side = 1
-    while np.prod(cell_shape(cells.shape, (side, side, side)), dtype=np.int64) > most_blocks:
+) -> Distances:
+    """Return the distances of a model."""
+    cells = arrays.cells
+    whole, side = (arrays.shape, DENSE_SIDE) if cells is None else (cells.shape, 1)
+    while np.prod(cell_shape(whole, (side, side, side)), dtype=np.int64) > most_blocks:
         side *= 2
-    shape = cell_shape(cells.shape, (side, side, side))
+    shape = cell_shape(whole, (side, side, side))
     count = int(np.prod(shape, dtype=np.int64))
-    given, found = session.empty(count, np.uint8), session.empty(count, np.uint8)
+    given = session.empty(count, np.uint8)
     defines = {"SIDE": side, "MOST": MOST, "LEVELS": 2}
+    if cells is None or arrays.inside is None:
+        bits: tuple[Argument, ...] = arrays.voxels, arrays.voxels
+    else:
+        bits = cells.boundary, arrays.inside
     kernel = session.kernel(_FILE, "occupy", **defines)
-    session.run(kernel, count, int4(shape), int4(cells.shape), cells.boundary, inside, given)
+    session.run(kernel, count, int4(shape), int4(whole), *bits, given, steps=side * side)
+    values = _spread(session, shape, given, defines)
+    x, y, z = (side * np.prod([(1, 1, 1), *arrays.levels[1:]], axis=0)).tolist()
+    sides = x, y, z
+    if cells is None or arrays.inside is None or cells.finer is not None or side > 1:
+        return Distances(shape, sides, values)
+    inner = session.empty(count, np.uint8)
+    kernel = session.kernel(_FILE, "fill", **defines)
+    session.run(kernel, count, int4(shape), arrays.inside, inner)
+    inner = _spread(session, shape, inner, defines)
+    states = session.empty(count, np.uint32)
+    kernel = session.kernel(_FILE, "merge", **defines)
+    tree = int4(shape), cells.boundary, cells.rank
+    session.run(kernel, count, *tree, values, inner, states)
+    return Distances(shape, sides, values, states)
+
+
+def _spread(session: Session, shape: Shape, given: cla.Array, defines: dict[str, int]) -> cla.Array:
+    """Return distances from where *given* is 0; what was given is lost."""
+    found = session.empty(given.size, np.uint8)
     kernel = session.kernel(_FILE, "spread", **defines)
     for axis in range(3):
-        session.run(kernel, count, int4(shape), np.int32(axis), given, found)
+        session.run(kernel, given.size, int4(shape), np.int32(axis), given, found)
         given, found = found, given
-    whole = np.prod([*arrays.levels[1:]], axis=0) * side
-    x, y, z = whole.tolist()
-    return Distances(shape, (x, y, z), given)
+    return given

@@ -14,7 +14,7 @@ from clvox.grid import Shape
 from clvox.ops.crossings import Window, fraction_bits, near
 from clvox.ops.facets import Mesh, Progress
 from clvox.ops.layout import Bricks, Cells, words_for
-from clvox.ops.lists import Rows, sort_crossings
+from clvox.ops.sorting import Rows, sort_crossings
 
 _FILE = "fill/flip_rule.cl"
 _DENSE, _BRICKS = 1, 2

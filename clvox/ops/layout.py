@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple, cast
 
 import numpy as np
 import pyopencl.array as cla
+from numpy.typing import NDArray
 from pyopencl import cltypes
 
 from clvox.device import Session
@@ -28,6 +30,12 @@ def int4(triple: Shape) -> np.generic:
 def int2(first: int, second: int) -> np.generic:
     """A kernel's argument for two integers."""
     return cast("np.generic", np.array((first, second), cltypes.int2)[()])
+
+
+def float4(values: Sequence[float] | NDArray[np.float64]) -> np.generic:
+    """A kernel's argument for three or four numbers."""
+    numbers = [*map(float, values), 0.0]
+    return np.void(tuple(numbers[:4]), cltypes.float4)
 
 
 @dataclass(frozen=True)
@@ -191,6 +199,11 @@ class VoxelArrays:
     def columns(self) -> Shape:
         """Cells of voxels along each axis; the voxels themselves in a dense grid."""
         return self.shape if self.cells is None else self.cells.last.shape
+
+    @property
+    def cell(self) -> Shape:
+        """Voxels along the sides of a cell of voxels; (1, 1, 1) in a dense grid."""
+        return (1, 1, 1) if self.cells is None else self.levels[-1]
 
     @property
     def nbytes(self) -> int:

@@ -2,33 +2,27 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 import pyopencl.array as cla
-from numpy.typing import NDArray
 from pyopencl import cltypes
 
-from clvox.camera import Integers, Rays, View
+from clvox.camera import PLANE_BITS, TIME_BITS, Rays, View
 from clvox.device import Session
 from clvox.device.session import Argument
 from clvox.grid import Shape
 from clvox.ops.attributes import Touched
 from clvox.ops.distances import Distances
-from clvox.ops.layout import VoxelArrays, int2, int4
+from clvox.ops.layout import VoxelArrays, float4, int2, int4
 from clvox.ops.query import Rule
 
-_MARCH, _SHADE, _VOLUME = "raymarch/march.cl", "raymarch/shade.cl", "raymarch/shade_volume.cl"
-_START = "raymarch/start.cl"
+_MARCH, _START = "raymarch/march.cl", "raymarch/start.cl"
 
 TILE = 8
-"""Rays along the side of a tile whose rays go the first part of their way together."""
-
-WINDOW = 3
-"""A normal is the slope of the voxels that are at most so many away along each axis."""
-
-LIGHTS = 2
+"""Pixels along the side of a tile whose rays go the first part of their way together."""
 
 
 @dataclass(frozen=True)
@@ -36,7 +30,6 @@ class Scene:
     """What is drawn: a model, and what is known of the voxels that its mesh touches.
 
     normals: packed, of the touched voxels; `flip` is -1 if they point inwards.
-    distances: lets rays that begin somewhere skip what is empty.
     """
 
     arrays: VoxelArrays
@@ -44,7 +37,6 @@ class Scene:
     touched: Touched | None = None
     normals: cla.Array | None = None
     flip: int = 1
-    distances: Distances | None = None
 
     @property
     def rule(self) -> Rule:
@@ -58,11 +50,11 @@ class Scene:
 
 
 class Hits(NamedTuple):
-    """What rays meet: voxels, (rows, columns, 4) int32, and how far off, (rows, columns) float32.
+    """What rays meet: voxels, (rays, 4) int32, and how far off, (rays,) float32.
 
-    A voxel is (i, j, k) and a word: the axis along which it is entered, 4 if a cut opens it, and 8
-    times what it is: 0 inside, 1 touched, 2 part of a cell that is inside.  -1, -1, -1, 0 is
-    nothing.  Distances are in directions of the rays.
+    A voxel is (i, j, k) and a word: the axis along which it is entered, or 3 for a plane at an
+    angle, 4 if a cut opens it, and 8 times what it is: 0 inside, 1 touched, 2 part of a cell that
+    is inside.  -1, -1, -1, 0 is nothing.  Distances are in directions of the rays.
     """
 
     voxels: cla.Array
@@ -70,47 +62,79 @@ class Hits(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Paint:
-    """How things look; colours are linear, (red, green, blue).
+class Pixels:
+    """Some pixels of a picture, and how many rays there are for each.
 
-    colours: of what is inside, touched, in a cell that is inside, and cut open.
-    ambient, diffuse, specular, shininess, emission: of Phong's law.
-    background: colour and opacity.  lines: whether the edges of voxels are drawn.
-    offsets: (n, 3) float32, in voxels: where to look for what shades a place from the sky.
+    size: columns and rows of the whole picture; samples: rays along the side of a pixel.
+    count: pixels, from number *first* on, row by row; or, if `numbers` is given, uint32, those of
+    its entries from *first* on.
     """
 
-    colours: tuple[tuple[float, float, float], ...]
-    ambient: float
-    diffuse: float
-    specular: float
-    shininess: float
-    emission: float
-    background: tuple[float, float, float, float]
-    offsets: NDArray[np.float32]
-    lines: bool = False
+    size: tuple[int, int]
+    samples: int
+    first: int
+    count: int
+    numbers: cla.Array | None = None
+
+    @classmethod
+    def whole(cls, size: tuple[int, int], samples: int = 1) -> Pixels:
+        """All pixels of a picture."""
+        return cls(size, samples, 0, size[0] * size[1])
+
+    def parts(self, rays: int) -> Iterator[Pixels]:
+        """The same pixels, some after the other, of about so many rays at a time."""
+        most = max(1, rays // self.samples**2)
+        for first in range(0, self.count, most):
+            yield replace(self, first=self.first + first, count=min(most, self.count - first))
+
+    @property
+    def rays(self) -> int:
+        """How many rays there are."""
+        return self.count * self.samples**2
+
+    @property
+    def defines(self) -> dict[str, int]:
+        """What `raymarch/samples.h` is built with."""
+        return {"LISTED": int(self.numbers is not None), "SAMPLES": self.samples}
+
+    def arguments(self, other: cla.Array) -> tuple[Argument, ...]:
+        """PIXEL_PARAMETERS of `raymarch/samples.h`; *other* stands in for a list."""
+        numbers = other if self.numbers is None else self.numbers
+        return int2(*self.size), np.uint64(self.first), np.uint64(self.count), numbers
 
 
-def march(session: Session, scene: Scene, view: View, rays: Rays, size: tuple[int, int]) -> Hits:
+class Beams(NamedTuple):
+    """How far the rays of each tile meet nothing, and the distances that say so.
+
+    starts: (tiles,) float32, in directions.  tile: pixels along the side of a tile.
+    """
+
+    starts: cla.Array
+    distances: Distances
+    tile: int
+
+
+def march(
+    session: Session, scene: Scene, view: View, pixels: Pixels, beams: Beams | None = None
+) -> Hits:
     """Return the first voxel along each ray that is inside, or touched if that is known.
 
-    size: columns and rows.
+    view: of all rays of the picture, as many as *pixels* says for each of its pixels.
     """
-    columns, rows = size
-    voxels = session.empty((rows, columns, 4), np.int32)
-    far = session.empty((rows, columns), np.float32)
-    _follow(session, scene, view, rays, size, 0, voxels, far)
+    voxels = session.empty((pixels.rays, 4), np.int32)
+    far = session.empty(pixels.rays, np.float32)
+    _follow(session, scene, view, pixels, beams, 0, voxels, far)
     return Hits(voxels, far)
 
 
 def measure_lengths(
-    session: Session, scene: Scene, view: View, rays: Rays, size: tuple[int, int]
+    session: Session, scene: Scene, view: View, pixels: Pixels, beams: Beams | None = None
 ) -> cla.Array:
-    """Return the length of each ray within voxels that are inside, (rows, columns) float32."""
-    columns, rows = size
-    far = session.empty((rows, columns), np.float32)
+    """Return the length of each ray within voxels that are inside, (rays,) float32."""
+    far = session.empty(pixels.rays, np.float32)
     none = session.empty(1, np.int32)
-    inside = Scene(scene.arrays, scene.spacing, distances=scene.distances)
-    _follow(session, inside, view, rays, size, 1, none, far)
+    inside = Scene(scene.arrays, scene.spacing)
+    _follow(session, inside, view, pixels, beams, 1, none, far)
     return far
 
 
@@ -118,50 +142,84 @@ def _follow(
     session: Session,
     scene: Scene,
     view: View,
-    rays: Rays,
-    size: tuple[int, int],
+    pixels: Pixels,
+    beams: Beams | None,
     lengths: int,
     voxels: cla.Array,
     far: cla.Array,
 ) -> None:
-    columns, rows = size
-    if columns * rows == 0:
+    if pixels.rays == 0:
         return
     arrays = scene.arrays
-    tile = TILE if scene.distances is not None and rays.begins else 0
-    defines = {"RULE": scene.rule, "LENGTHS": lengths, "TILE": tile, **arrays.defines}
-    kernel = session.kernel(_MARCH, "march", **defines)
-    if tile and scene.distances is not None:
-        starts = find_starts(session, scene.distances, arrays.shape, rays, size)
-    else:
-        starts = session.empty(1, np.float32)
+    none = arrays.voxels
+    known: tuple[Argument, ...] = none, int4((0, 0, 0)), none, none
+    defines = {"RULE": scene.rule, "LENGTHS": lengths, "PLANE": 0, "TILE": 0, "STATES": 0}
+    plane = 0, 0, 0, 0
+    if view.cut is not None:
+        plane = *view.cut.normal, view.cut.most
+        defines |= {"PLANE": 1, "PLANE_BITS": PLANE_BITS, "TIME_BITS": TIME_BITS}
+    if beams is not None:
+        near = beams.distances
+        states = near.values if near.states is None else near.states
+        known = beams.starts, int4(near.shape), near.values, states
+        tile = beams.tile * pixels.samples
+        defines |= {"TILE": tile, "STATES": int(near.states is not None)}
+        for name, side, cell in zip("XYZ", near.side, arrays.cell, strict=True):
+            defines[f"BLOCK_{name}"] = side // cell
+    kernel = session.kernel(_MARCH, "march", **defines, **pixels.defines, **arrays.defines)
     box = int4(arrays.shape), int4(arrays.columns), int4(view.low), int4(view.high)
     session.run(
         kernel,
-        columns * rows,
-        *(int2(columns, rows), *box, _float4(scene.spacing), *_ray_arguments(rays), starts),
+        pixels.rays,
+        *pixels.arguments(none),
+        *(*box, float4(scene.spacing), *ray_arguments(view.rays), _long4(plane), *known),
         *(*arrays.arguments(scene.edge), voxels, far),
-        steps=sum(arrays.columns),
+        steps=sum(arrays.columns) // (4 if beams else 1) + 1,
     )
 
 
+def find_beams(
+    session: Session,
+    distances: Distances,
+    shape: Shape,
+    rays: Rays,
+    size: tuple[int, int],
+    samples: int = 1,
+) -> Beams | None:
+    """Return how far rays go before they may meet something; None if they begin nowhere.
+
+    size: columns and rows of pixels, with `samples` x `samples` rays each.
+    """
+    if not rays.begins:
+        return None
+    fine = size[0] * samples, size[1] * samples
+    starts = find_starts(session, distances, shape, rays, fine, TILE * samples)
+    return Beams(starts, distances, TILE)
+
+
 def find_starts(
-    session: Session, distances: Distances, shape: Shape, rays: Rays, size: tuple[int, int]
+    session: Session,
+    distances: Distances,
+    shape: Shape,
+    rays: Rays,
+    size: tuple[int, int],
+    tile: int = TILE,
 ) -> cla.Array:
     """Return how far the rays of each tile meet nothing, (tiles,) float32, in directions.
 
-    Infinite for a tile whose rays meet nothing at all.  Rays begin somewhere.
+    Infinite for a tile whose rays meet nothing at all.  Rays begin somewhere.  tile: rays along
+    its side.
     """
     columns, rows = size
-    tiles = -(-columns // TILE) * -(-rows // TILE)
+    tiles = -(-columns // tile) * -(-rows // tile)
     starts = session.empty(tiles, np.float32)
-    kernel = session.kernel(_START, "find_starts", TILE=TILE)
+    kernel = session.kernel(_START, "find_starts", TILE=tile)
     per_block = np.array(distances.side, np.float64) * 2.0**rays.bits
     session.run(
         kernel,
         tiles,
-        *(int2(columns, rows), int4(distances.shape), _float4(per_block)),
-        *(np.float32(_end(shape, rays, size)), *_ray_arguments(rays), distances.values, starts),
+        *(int2(columns, rows), int4(distances.shape), float4(per_block)),
+        *(np.float32(_end(shape, rays, size)), *ray_arguments(rays), distances.values, starts),
     )
     return starts
 
@@ -183,87 +241,7 @@ def _end(shape: Shape, rays: Rays, size: tuple[int, int]) -> float:
     return float(4 * np.sqrt(3) * reach / np.abs(middle).max())
 
 
-def shade(
-    session: Session,
-    scene: Scene,
-    view: View,
-    rays: Rays,
-    hits: Hits,
-    samples: int,
-    paint: Paint,
-) -> cla.Array:
-    """Return the colours of *hits*, `samples` x `samples` of which are a pixel.
-
-    Returns (rows, columns, 4) uint8 on the device: red, green and blue in sRGB, and opacity.
-    """
-    rows, columns = (count // samples for count in hits.far.shape)
-    pixels = session.empty((rows, columns, 4), np.uint8)
-    if pixels.size == 0:
-        return pixels
-    arrays = scene.arrays
-    stored = scene.normals is not None and scene.touched is not None
-    defines = {
-        "RULE": Rule.CENTRE,
-        "SAMPLES": samples,
-        "WINDOW": WINDOW,
-        "STORED": int(stored),
-        "LINES": int(paint.lines),
-        "LIGHTS": LIGHTS,
-        **arrays.defines,
-    }
-    kernel = session.kernel(_SHADE, "shade", **defines)
-    widths = np.array(scene.spacing)
-    none = arrays.voxels
-    kept: tuple[Argument, ...] = none, none, none
-    if scene.touched is not None and scene.normals is not None:
-        kept = scene.touched.edge, scene.touched.rank, scene.normals
-    phong = paint.ambient, paint.diffuse, paint.specular, paint.shininess
-    colours = np.array(paint.colours, np.float32)
-    pixel, spread = view.pixel
-    session.run(
-        kernel,
-        columns * rows,
-        *(int2(columns, rows), int4(arrays.shape), int4(view.low), int4(view.high)),
-        *(*_ray_arguments(rays), _float4(widths)),
-        *(_float4(view.right), _float4(view.up), _float4(view.back)),
-        *(_float4(phong), np.float32(paint.emission), _float4(paint.background)),
-        *(np.float32(pixel), np.float32(spread), np.float32(scene.flip)),
-        *(session.upload(colours), np.int32(len(paint.offsets)), session.upload(paint.offsets)),
-        *(hits.voxels, hits.far, *arrays.arguments(scene.edge), *kept, pixels),
-        steps=samples**2 * (8 if stored else (2 * WINDOW + 1) ** 3) + len(paint.offsets),
-    )
-    return pixels
-
-
-def shade_volume(
-    session: Session,
-    lengths: cla.Array,
-    samples: int,
-    colours: tuple[tuple[float, float, float], tuple[float, float, float]],
-    density: float,
-    *,
-    counted: bool,
-    background: tuple[float, float, float, float],
-) -> cla.Array:
-    """Return the colours of *lengths* within a solid, `samples` x `samples` of which are a pixel.
-
-    colours: where little of the light is held back, and where nearly all of it is.  density: for
-    each unit of length.  counted: opacity grows with the length, and not by Beer and Lambert's law.
-    """
-    rows, columns = (count // samples for count in lengths.shape)
-    pixels = session.empty((rows, columns, 4), np.uint8)
-    if pixels.size:
-        kernel = session.kernel(_VOLUME, "shade_volume", SAMPLES=samples)
-        session.run(
-            kernel,
-            columns * rows,
-            *(int2(columns, rows), np.float32(density), np.int32(counted)),
-            *(_float4(colours[0]), _float4(colours[1]), _float4(background), lengths, pixels),
-        )
-    return pixels
-
-
-def _ray_arguments(rays: Rays) -> tuple[Argument, ...]:
+def ray_arguments(rays: Rays) -> tuple[Argument, ...]:
     """RAY_PARAMETERS of `raymarch/rays.h`."""
     return (
         *(np.int32(rays.bits), np.int32(rays.fraction), np.int32(rays.turn)),
@@ -273,10 +251,5 @@ def _ray_arguments(rays: Rays) -> tuple[Argument, ...]:
     )
 
 
-def _long4(values: Integers) -> np.generic:
-    return np.void((*values, 0), cltypes.long4)
-
-
-def _float4(values: NDArray[np.float64] | tuple[float, ...]) -> np.generic:
-    numbers = [*map(float, values), 0.0]
-    return np.void(tuple(numbers[:4]), cltypes.float4)
+def _long4(values: tuple[int, ...]) -> np.generic:
+    return np.void((*values, 0)[:4], cltypes.long4)

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from clvox.camera import Integers, Rays
+from clvox.camera import PLANE_BITS, TIME_BITS, Integers, Plane, Rays
 
 
 class Visits(NamedTuple):
@@ -29,6 +29,7 @@ def first_voxels(
     size: tuple[int, int],
     low: Integers = (0, 0, 0),
     high: Integers | None = None,
+    cut: Plane | None = None,
 ) -> NDArray[np.int32]:
     """Return the first voxel that is inside along each ray.
 
@@ -46,6 +47,9 @@ def first_voxels(
         Columns and rows.
     low, high : (3,) int
         The voxels that are drawn: from *low* to before *high*.
+    cut : Plane, optional
+        What lies beyond it is not drawn: rays begin, or end, after the moment at which they meet
+        it, and after all planes between voxels that they meet at that moment.
 
     Returns
     -------
@@ -57,7 +61,7 @@ def first_voxels(
     solid = _drawn(voxels, low, high)
     for row in range(rows):
         for column in range(columns):
-            visits = _visits(solid, *_ray(rays, column, row), rays)
+            visits = _visits(solid, *_ray(rays, column, row), rays, cut)
             if len(visits.which):
                 hits[row, column] = solid[visits.which[0]]
     return hits
@@ -70,6 +74,7 @@ def lengths(
     spacing: tuple[float, float, float],
     low: Integers = (0, 0, 0),
     high: Integers | None = None,
+    cut: Plane | None = None,
 ) -> NDArray[np.float64]:
     """Return how far each ray runs within voxels that are inside, in the unit of *spacing*.
 
@@ -81,7 +86,7 @@ def lengths(
     for row in range(rows):
         for column in range(columns):
             place, direction = _ray(rays, column, row)
-            visits = _visits(solid, place, direction, rays)
+            visits = _visits(solid, place, direction, rays, cut)
             moments = sum(
                 until // 3 - since // 3 for since, until in zip(*visits[1:3], strict=True)
             )
@@ -111,7 +116,11 @@ def _ray(rays: Rays, column: int, row: int) -> tuple[list[int], list[int]]:
 
 
 def _visits(
-    solid: NDArray[np.object_], place: list[int], direction: list[int], rays: Rays
+    solid: NDArray[np.object_],
+    place: list[int],
+    direction: list[int],
+    rays: Rays,
+    cut: Plane | None = None,
 ) -> Visits:
     """What a ray visits; Python integers, so that nothing overflows."""
     one = 1 << rays.bits
@@ -128,11 +137,38 @@ def _visits(
         near, far = (low * pace, high * pace) if part > 0 else (-high * pace, -low * pace)
         entering.append(near * 3 + axis)
         leaving.append(far * 3 + axis)
+    if cut is not None:
+        met, nearing = _moment_at(cut, place, direction, whole)
+        visited &= nearing != 0 or met >= 0
+        ends = np.full(len(solid), 3 * met + 2, object)
+        if nearing < 0:
+            entering.append(ends)
+        elif nearing > 0:
+            leaving.append(ends)
     since = np.max(np.array(entering), axis=0)
     until = np.min(np.array(leaving), axis=0) if leaving else since
     (found,) = np.nonzero(visited & (since < until))
     order = found[np.argsort(since[found], kind="stable")]
     return Visits(order, since[order], until[order], whole)
+
+
+def _moment_at(cut: Plane, place: list[int], direction: list[int], whole: int) -> tuple[int, int]:
+    """When a ray meets a plane (see `Plane`), and whether it leaves what is kept there.
+
+    The second is 1 if it does, -1 if that is where it comes in, and 0 if it never meets it: then
+    the first is below 0 if it is cut away.
+    """
+    nearing = sum(part * along for part, along in zip(cut.normal, direction, strict=True))
+    rest = cut.most - sum(part * at for part, at in zip(cut.normal, place, strict=True))
+    if nearing == 0:
+        return rest, 0
+    sign = 1 if nearing > 0 else -1
+    turns, over = divmod(sign * rest, sign * nearing)
+    never = 1 << TIME_BITS
+    if abs(turns) >= never // whole:
+        return (never if turns > 0 else -never), sign
+    parts = (over << PLANE_BITS) // (sign * nearing)
+    return whole * turns + (whole * parts >> PLANE_BITS), sign
 
 
 def block_distances(occupied: NDArray[np.bool_], most: int) -> NDArray[np.uint8]:
@@ -146,3 +182,86 @@ def block_distances(occupied: NDArray[np.bool_], most: int) -> NDArray[np.uint8]
         for block in np.ndindex(occupied.shape):
             found[block] = min(most, int(np.abs(taken - block).max(axis=1).min()))
     return found
+
+
+def block_shares(
+    voxels: NDArray[np.bool_],
+    side: Integers,
+    margin: int,
+    plane: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0),
+) -> NDArray[np.uint8]:
+    """Return how much of each block of voxels is inside; 255 is all of it.
+
+    Parameters
+    ----------
+    voxels : (nz, ny, nx) bool
+    side : (3,) int
+        Voxels along the sides of a block.
+    margin : int
+        Empty blocks around the grid.
+    plane : (4,) float
+        What lies beyond it does not count: blocks whose middle, in voxels, times its first three
+        parts is above the fourth, in float32.
+
+    Returns
+    -------
+    [z, y, x] uint8
+    """
+    counts = [-(-count // width) for count, width in zip(voxels.shape, side[::-1], strict=True)]
+    shares = np.zeros([count + 2 * margin for count in counts], np.uint8)
+    whole = int(np.prod(side))
+    a, b, c, farthest = (np.float32(part) for part in plane)
+    for block in np.ndindex(*counts):
+        first = [at * width for at, width in zip(block, side[::-1], strict=True)]
+        box = tuple(slice(at, at + n) for at, n in zip(first, side[::-1], strict=True))
+        middle = [np.float32(at + n / 2) for at, n in zip(first, side[::-1], strict=True)]
+        if a * middle[2] + b * middle[1] + c * middle[0] > farthest:
+            continue
+        share = (int(voxels[box].sum()) * 255 + whole // 2) // whole
+        shares[tuple(at + margin for at in block)] = share
+    return shares
+
+
+def blurred(values: NDArray[np.uint8], weights: list[NDArray[np.int32]]) -> NDArray[np.uint8]:
+    """Return *values*, [z, y, x], blurred along x, then y, then z, and each time rounded.
+
+    weights: for each axis, of a place and of those on one side of it, in parts of 65536.
+    """
+    found = values.astype(np.int64)
+    for axis, shares in zip((2, 1, 0), weights, strict=True):
+        reach = len(shares) - 1
+        kernel = np.concatenate([shares[:0:-1], shares]).astype(np.int64)
+        padded = np.pad(found, [(reach, reach) if at == axis else (0, 0) for at in range(3)])
+        windows = np.lib.stride_tricks.sliding_window_view(padded, 2 * reach + 1, axis=axis)
+        found = (windows @ kernel + 32768) >> 16
+    return found.astype(np.uint8)
+
+
+def uneven_pixels(image: NDArray[np.uint8], least: int) -> NDArray[np.bool_]:
+    """Return which pixels differ by *least* or more, in a byte, from one of those around them."""
+    rows, columns, _ = image.shape
+    padded = np.pad(image.astype(int), ((1, 1), (1, 1), (0, 0)), mode="edge")
+    around = [padded[y : y + rows, x : x + columns] for y in range(3) for x in range(3)]
+    uneven: NDArray[np.bool_] = (np.abs(np.array(around) - image).max(axis=(0, 3))) >= least
+    return uneven
+
+
+def triangle_distances(
+    place: NDArray[np.float64], corners: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return how far a place, (3,), is from triangles, (m, 3, 3): (m,) float64."""
+    a, b, c = np.moveaxis(corners - place, 1, 0)
+    found = np.full(len(corners), np.inf)
+    for start, end in ((a, b), (b, c), (c, a)):
+        along = end - start
+        square = np.maximum((along * along).sum(axis=1), 1e-300)
+        part = np.clip(-(start * along).sum(axis=1) / square, 0, 1)
+        found = np.minimum(found, np.linalg.norm(start + along * part[:, None], axis=1))
+    normal = np.cross(b - a, c - a)
+    size = np.linalg.norm(normal, axis=1)
+    above = size > 0
+    for start, end in ((a, b), (b, c), (c, a)):
+        above &= (np.cross(start, end) * normal).sum(axis=1) >= 0
+    height = np.abs((a * normal).sum(axis=1)) / np.where(size > 0, size, 1)
+    distances: NDArray[np.float64] = np.where(above, height, found)
+    return distances

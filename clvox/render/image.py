@@ -3,21 +3,21 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from clvox.camera import Camera
 from clvox.errors import GridError
 from clvox.models import VoxelModel
-from clvox.ops import raymarch
+from clvox.ops.drawing import Picture, draw
 from clvox.ops.raymarch import Scene
-from clvox.render.style import Colour, Material, Style, backdrop, check_style, linear, paint_of
+from clvox.ops.shading import Fog, Paint
+from clvox.render.colours import coat_of
+from clvox.render.style import Colour, Material, Style, check_style, fog_of, paint_of
 
 MAX_SIDE = 16384
 """Most pixels along a side of a picture."""
 
 MAX_SAMPLES = 8
-
-SAMPLES_PER_LAUNCH = 1 << 18
 
 DARKNESS = 2.5
 """Optical depth of a cube as large as the box around the model, by default."""
@@ -31,7 +31,9 @@ def render(
     style: Style = "surface",
     background: Colour | None = None,
     material: Material | None = None,
+    colours: ArrayLike | str | None = None,
     samples: int = 2,
+    adaptive: bool = True,
     occlusion: bool = True,
     density: float | None = None,
     absorption: str = "beer",
@@ -58,8 +60,15 @@ def render(
     background : (int, int, int), optional
         Red, green and blue from 0 to 255, in sRGB; by default the background is transparent.
     material : Material, optional
+    colours : (triangles, 3) int or "bodies", optional
+        In the style "surface", of a model with ``attributes=("links",)``: red, green and blue of
+        each triangle of the mesh as it was given to `voxelize`, from 0 to 255, in sRGB; or a colour
+        for each body, that is for triangles which common vertices connect.  A place has the colour
+        of the nearest triangle that touches its cell.
     samples : int
         Rays along the side of a pixel, 1 to 8: more make edges smoother.
+    adaptive : bool
+        Whether pixels that hardly differ from those around them make do with one ray.
     occlusion : bool
         Whether hollows, which see little of the sky, are darker.
     density : float, optional
@@ -77,6 +86,8 @@ def render(
     ------
     GridError
         The size, the style, a colour or a number makes no sense.
+    MeshError
+        There are *colours*, and the model has no links to triangles.
 
     Examples
     --------
@@ -91,45 +102,34 @@ def render(
         raise GridError(f"samples must be an integer from 1 to {MAX_SAMPLES}, got {samples!r}")
     if absorption not in ("beer", "count"):
         raise GridError(f"absorption must be 'beer' or 'count', got {absorption!r}")
-    material = material or Material()
     camera = camera or Camera.around(model, aspect=columns / rows)
-    fine = columns * int(samples), rows * int(samples)
-    view = camera.view(model.grid, fine)
-    paint = paint_of(material, style, background, model.grid, occlusion=occlusion)
+    if colours is not None and style != "surface":
+        raise GridError(f"colours are for the style 'surface', not for {style!r}")
+    coat = None if colours is None else coat_of(model, colours)
     dense = _density(model, density)
-    colours = linear("", material.thin_color), linear("", material.thick_color)
+    many = int(samples)
+    view = camera.view(model.grid, (columns * many, rows * many))
+    look: Paint | Fog
+    if style == "volume":
+        look = fog_of(material or Material(), dense, background, counted=absorption == "count")
+    else:
+        look = paint_of(material or Material(), style, background)
     # What a model holds is for the modules below; a picture reads it as the model itself does.
-    session, scene = model._session, _scene(model, style)  # noqa: SLF001
-    image = np.empty((rows, columns, 4), np.uint8)
-    band = max(1, SAMPLES_PER_LAUNCH // (fine[0] * samples))
-    for row in range(0, rows, band):
-        count = min(band, rows - row)
-        rays, part = view.rays.below(row * samples), (fine[0], count * samples)
-        if style == "volume":
-            lengths = raymarch.measure_lengths(session, scene, view, rays, part)
-            pixels = raymarch.shade_volume(
-                session,
-                lengths,
-                samples,
-                colours,
-                dense,
-                counted=absorption == "count",
-                background=backdrop(background),
-            )
-        else:
-            hits = raymarch.march(session, scene, view, rays, part)
-            pixels = raymarch.shade(session, scene, view, rays, hits, samples, paint)
-        image[row : row + count] = pixels.get()
+    drawing, scene = model._drawing, _scene(model, style)  # noqa: SLF001
+    picture = Picture(drawing, scene, view, (columns, rows), many, coat)
+    image: NDArray[np.uint8] = draw(picture, look, occlusion=occlusion, adaptive=adaptive).get()
     return image
 
 
 def _scene(model: VoxelModel, style: Style) -> Scene:
     arrays, spacing = model._arrays, model.grid.spacing  # noqa: SLF001
     kept = model._attributes  # noqa: SLF001
-    if kept is None or style == "volume" or (style == "surface" and kept.normals is None):
-        return Scene(arrays, spacing, distances=model._distances)  # noqa: SLF001
-    flip = -1 if kept.inwards else 1
-    return Scene(arrays, spacing, kept.touched, kept.normals, flip, model._distances)  # noqa: SLF001
+    linked = kept is not None and kept.offsets is not None
+    if kept is None or style == "volume":
+        return Scene(arrays, spacing)
+    if style == "surface" and kept.normals is None and not linked:
+        return Scene(arrays, spacing)
+    return Scene(arrays, spacing, kept.touched, kept.normals, -1 if kept.inwards else 1)
 
 
 def _density(model: VoxelModel, density: float | None) -> float:

@@ -1,4 +1,4 @@
-"""How things look: materials, colours, and where they are shaded from the sky."""
+"""How things look: materials and colours."""
 
 from __future__ import annotations
 
@@ -6,11 +6,9 @@ from dataclasses import dataclass
 from typing import Literal, TypeAlias, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
 from clvox.errors import GridError
-from clvox.grid import Grid
-from clvox.ops.raymarch import Paint
+from clvox.ops.shading import Fog, Paint
 
 Style: TypeAlias = Literal["surface", "voxels", "volume"]
 """What `render` draws: see there."""
@@ -19,12 +17,6 @@ Colour: TypeAlias = tuple[int, int, int]
 """Red, green and blue in sRGB, each from 0 to 255."""
 
 Linear: TypeAlias = tuple[float, float, float]
-
-SKY_POINTS = 96
-"""Places looked at around a place, to see how much of the sky is hidden there."""
-
-SKY_REACH = 0.05
-"""How far they are away at most, as a part of the grid's longest side."""
 
 INSIDE, TOUCHED, CELL = (92, 158, 173), (233, 140, 62), (57, 92, 138)
 """Colours of voxels inside, voxels that the mesh touches, and cells that are wholly inside."""
@@ -67,16 +59,13 @@ class Material:
                 raise GridError(f"{name} must be a number, 0 or more, got {value!r}")
 
 
-def paint_of(
-    material: Material, style: Style, background: Colour | None, grid: Grid, *, occlusion: bool
-) -> Paint:
+def paint_of(material: Material, style: Style, background: Colour | None) -> Paint:
     """Return how things are to look, as kernels take it."""
     own, cut = linear("color", material.color), linear("cut_color", material.cut_color)
     colours: tuple[Linear, ...] = (own, own, own, cut)
     if style == "voxels":
         by_kind = (linear("color", colour) for colour in (INSIDE, TOUCHED, CELL))
         colours = (*by_kind, cut)
-    offsets = sky_offsets(grid) if occlusion else np.zeros((0, 3), np.float32)
     return Paint(
         colours,
         material.ambient,
@@ -85,24 +74,14 @@ def paint_of(
         material.shininess,
         material.emission,
         backdrop(background),
-        offsets,
         lines=style == "voxels",
     )
 
 
-def sky_offsets(grid: Grid) -> NDArray[np.float32]:
-    """Return places in a ball, in voxels, spread evenly over directions and distances."""
-    number = np.arange(SKY_POINTS) + 0.5
-    z = 1 - 2 * number / SKY_POINTS
-    turn = number * np.pi * (3 - np.sqrt(5.0))
-    ring = np.sqrt(1 - z * z)
-    directions = np.stack([ring * np.cos(turn), ring * np.sin(turn), z], axis=1)
-    # The golden ratio once more, so that distance and direction do not go together.
-    distance = (number * (np.sqrt(5.0) - 1) / 2) % 1
-    widths = np.array(grid.spacing)
-    reach = max(SKY_REACH * float((widths * grid.shape).max()), 3 * float(widths.max()))
-    offsets: NDArray[np.float32] = (directions * reach * distance[:, None] / widths).astype("f4")
-    return offsets
+def fog_of(material: Material, density: float, background: Colour | None, *, counted: bool) -> Fog:
+    """Return how what light goes through is to look, as kernels take it."""
+    thin, thick = linear("thin_color", material.thin_color), linear("", material.thick_color)
+    return Fog(thin, thick, density, counted, backdrop(background))
 
 
 def check_style(style: str) -> Style:

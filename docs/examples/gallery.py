@@ -20,6 +20,7 @@ LARGE = "--large" in sys.argv
 SIZE = (960, 600) if LARGE else (240, 150)
 RESOLUTION = 640 if LARGE else 64
 WHITE = 255, 255, 255
+BOTH = "normals", "links"
 
 MODELS = {
     "machined": "parts/nist_machined_part_pmi4_119k.stl.gz",
@@ -56,6 +57,18 @@ def trefoil() -> trimesh.Trimesh:
     return trimesh.Trimesh(points, np.concatenate([np.c_[a, b, c], np.c_[a, c, d]]))
 
 
+def chain() -> trimesh.Trimesh:
+    """Five rings, each through the next."""
+    rings = [
+        trimesh.creation.torus(1.0, 0.22, major_sections=160, minor_sections=48) for _ in range(5)
+    ]
+    for number, ring in enumerate(rings):
+        if number % 2:
+            ring.apply_transform(trimesh.transformations.rotation_matrix(np.pi / 2, (1, 0, 0)))
+        ring.apply_translation((1.35 * number, 0, 0))
+    return trimesh.util.concatenate(rings)
+
+
 def draw(name: str, model: clvox.VoxelModel, **options: object) -> None:
     """Write one picture."""
     image = clvox.render(model, size=SIZE, background=WHITE, **options)
@@ -79,6 +92,10 @@ half = (x0, y0, z0), (x1, y1, (z0 + z1) / 2)
 lower = clvox.Grid(half[0], np.subtract(half[1], half[0]), (1, 1, 1))
 opened = replace(view(lower), box=half)
 draw("cut", knot, camera=opened)
+
+slanted = replace(view(part), cut=(part.bounds.mean(axis=0), (0.35, -1, 0.3)))
+draw("plane", part, camera=slanted)
+draw("bodies", clvox.voxelize(chain(), resolution=RESOLUTION, attributes=BOTH), colours="bodies")
 
 coarse = clvox.voxelize(trefoil(), resolution=96, attributes=("edge",))
 draw("voxels", coarse, style="voxels", camera=opened)

@@ -236,6 +236,24 @@ def test_saved_models_are_read(
         assert np.ptp(np.asarray(image)[..., 3]) > 100
 
 
+def test_pictures_are_cut_and_coloured(ball: Path, tmp_path: Path) -> None:
+    """By a plane through the middle or through a point; and body by body."""
+    pictures = []
+    for options in ([], ["--cut", "0,-1,0"], ["--cut=0,1,0,0,99,0"], ["--colours", "bodies"]):
+        target = str(tmp_path / "a.png")
+        assert (
+            main(["render", str(ball), "-r", "24", "-o", target, "--size", "64x48", *options]) == 0
+        )
+        with Image.open(target) as image:
+            pictures.append(np.asarray(image).astype(int))
+    whole, half, beyond, coloured = pictures
+    orange = half[..., 0] > half[..., 2] + 20
+    assert orange.mean() > 0.05
+    assert not (whole[..., 0] > whole[..., 2] + 20).any()
+    np.testing.assert_array_equal(beyond, whole)
+    assert (coloured[..., 3] > 0).any()
+
+
 def test_demo(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """From the part in the package to a picture, voxels and a mesh of the same volume."""
     folder = tmp_path / "made" / "here"
@@ -294,6 +312,8 @@ def fails(capsys: pytest.CaptureFixture[str], *arguments: str | Path) -> str:
         ["voxelize", "a.npz", "-r", "8"],
         ["render", "a.npz", "-r", "8", "-o", "a.png"],
         ["render", "a.stl", "-r", "8", "-o", "a.png", "--size", "big"],
+        ["render", "a.stl", "-r", "8", "-o", "a.png", "--cut", "1,2"],
+        ["render", "a.stl", "-r", "8", "-o", "a.png", "--colours", "faces"],
     ],
 )
 def test_wrong_arguments_are_status_2(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from importlib import import_module
 from typing import Any
 
@@ -12,7 +13,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 import clvox
-from clvox.ops.raymarch import Scene, measure_lengths
+from clvox.ops.raymarch import Pixels, Scene, measure_lengths
 from clvox.reference.raymarch import lengths
 
 SIZE = 96, 72
@@ -113,8 +114,23 @@ def test_long_pictures_are_drawn_in_bands_that_do_not_show(
     ball: clvox.VoxelModel, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     whole = clvox.render(ball, size=SIZE)
-    monkeypatch.setattr(import_module("clvox.render.image"), "SAMPLES_PER_LAUNCH", 1000)
+    monkeypatch.setattr(import_module("clvox.ops.drawing"), "RAYS_AT_ONCE", 1000)
     np.testing.assert_array_equal(clvox.render(ball, size=SIZE), whole)
+
+
+@pytest.mark.parametrize("style", ["surface", "volume", "voxels"])
+def test_rays_are_saved_where_they_make_no_difference(ball: clvox.VoxelModel, style: Any) -> None:
+    """Edges are as smooth as with all rays everywhere, and nothing else changes visibly."""
+    few, all_rays = (
+        clvox.render(ball, size=(160, 120), style=style, samples=3, adaptive=adaptive).astype(int)
+        for adaptive in (True, False)
+    )
+    differ = np.abs(few - all_rays).max(axis=-1)
+    assert differ.max() <= 40
+    assert (differ > 6).mean() < 0.02
+    partly = (all_rays[..., 3] > 0) & (all_rays[..., 3] < 255) & (style != "volume")
+    assert partly.any() == (style != "volume")
+    np.testing.assert_array_equal(few[partly], all_rays[partly])
 
 
 def test_empty_model_is_an_empty_picture() -> None:
@@ -175,6 +191,9 @@ def test_voxels_too_unequal_to_draw_are_refused() -> None:
         (lambda: camera(fov=30, height=1), "give fov= (degrees) or height="),
         (lambda: camera(near=-1), "near must be a length, 0 or more, got -1"),
         (lambda: camera(box=((1, 1, 1), (0, 0, 0))), "box must be a lowest and a highest corner"),
+        (lambda: camera(cut=((0, 0, 0), (0, 0, 0))), "cut must be a point and a normal"),
+        (lambda: camera(cut=(1, 2, 3)), "cut must be a point and a normal"),
+        (lambda: camera(cut=((0, 0, np.nan), (0, 0, 1))), "cut must be a point and a normal"),
         (lambda: around(direction=(0, 0, 0)), "direction must be three finite numbers, not all 0"),
         (lambda: around(direction=(1, 0, np.nan)), "direction must be three finite numbers"),
         (lambda: around(direction=(0, 0, -1)), "up must not be parallel to the view"),
@@ -230,6 +249,25 @@ def test_a_box_cuts_a_model_open() -> None:
     assert not (opaque(whole) & (whole[..., 0] > whole[..., 2])).any()
 
 
+def test_a_plane_cuts_a_model_open() -> None:
+    """At an angle; what it shows has its own colour and is flat."""
+    model = box_model()
+    looking = clvox.Camera.around(model, direction=(-1, 0.4, -0.3), parallel=True)
+    middle = tuple(model.bounds.mean(axis=0))
+    opened = replace(looking, cut=(middle, (1.0, 0.3, 0.2)))
+    options: dict[str, Any] = {"size": SIZE, "occlusion": False}
+    material = clvox.Material(color=(0, 0, 255), cut_color=(255, 0, 0))
+    whole = clvox.render(model, camera=looking, material=material, **options)
+    cut = clvox.render(model, camera=opened, material=material, **options)
+    assert 0.3 < opaque(cut).sum() / opaque(whole).sum() < 0.98
+    red = (cut[..., 3] == 255) & (cut[..., 0] > 1.5 * cut[..., 2])
+    assert red.sum() > 100
+    off = np.abs(cut[red].astype(int) - np.median(cut[red], axis=0)).max(axis=1)
+    assert (off < 6).mean() > 0.9
+    for style in ("voxels", "volume"):
+        assert opaque(clvox.render(model, camera=opened, style=style, **options)).any()
+
+
 def test_a_near_plane_opens_what_it_runs_through(ball: clvox.VoxelModel) -> None:
     looking = clvox.Camera((0, -5, 0), (0, 0, 0), height=3.0)
     opened = clvox.Camera((0, -5, 0), (0, 0, 0), height=3.0, near=5.0)
@@ -272,7 +310,7 @@ def test_lengths_are_those_of_the_solid(ball: clvox.VoxelModel) -> None:
     looking = clvox.Camera((3, -4, 2), (0, 0, 0), height=2.0)
     view = looking.view(ball.grid, (9, 9))
     scene = Scene(ball._arrays, ball.grid.spacing)
-    got = measure_lengths(ball._session, scene, view, view.rays, (9, 9)).get()
+    got = measure_lengths(ball._session, scene, view, Pixels.whole((9, 9))).get().reshape(9, 9)
     expected = lengths(ball.to_array(), view.rays, (9, 9), ball.grid.spacing)
     np.testing.assert_allclose(got, expected, atol=1e-5 * np.sqrt(12))
     place = (np.arange(9) - 4) * 2 / 9

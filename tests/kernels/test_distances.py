@@ -15,7 +15,7 @@ from clvox.grid import Grid, Shape
 from clvox.ops.distances import MOST, measure_distances
 from clvox.ops.layout import VoxelArrays
 from clvox.ops.multilevel import rank_cells
-from clvox.ops.raymarch import Scene, find_starts, march, measure_lengths
+from clvox.ops.raymarch import Pixels, Scene, find_beams, find_starts, march, measure_lengths
 from clvox.reference.multilevel import pack_bits
 from clvox.reference.raymarch import block_distances
 from tests.kernels.cases import INTERPRETED
@@ -44,7 +44,6 @@ def model(session: Session, seed: int, cells: Shape, brick: Shape, share: float)
 def test_distances(session: Session, most_blocks: int, cells: Shape, share: float) -> None:
     arrays = model(session, 3, cells, (2, 2, 2), share)
     found = measure_distances(session, arrays, most_blocks=most_blocks)
-    assert found is not None
     assert arrays.cells is not None
     assert arrays.inside is not None
     words = arrays.cells.boundary.get() | arrays.inside.get()
@@ -59,33 +58,103 @@ def test_distances(session: Session, most_blocks: int, cells: Shape, share: floa
     np.testing.assert_array_equal(found.values.get().reshape(z, y, x), expected)
 
 
-def test_a_dense_model_has_none(session: Session) -> None:
-    words = session.zeros((4, 4, 1), np.uint32)
-    assert measure_distances(session, VoxelArrays((4, 4, 4), words)) is None
+def test_distances_of_a_dense_model(session: Session) -> None:
+    """Its voxels are the cells, eight to a block."""
+    rng = np.random.default_rng(7)
+    voxels = rng.random((37, 20, 70)) < 1e-4
+    arrays = VoxelArrays((70, 20, 37), session.upload(pack_bits(voxels)))
+    found = measure_distances(session, arrays)
+    assert found.shape == (9, 3, 5)
+    assert found.side == (8, 8, 8)
+    padded = np.zeros((40, 24, 72), bool)
+    padded[:37, :20, :70] = voxels
+    blocks = np.asarray(padded.reshape(5, 8, 3, 8, 9, 8).any(axis=(1, 3, 5)))
+    np.testing.assert_array_equal(
+        found.values.get().reshape(5, 3, 9), block_distances(blocks, MOST)
+    )
+
+
+def test_one_word_tells_all_about_a_cell(session: Session) -> None:
+    """Its brick; or how far it is from cells of another kind."""
+    arrays = model(session, 4, (9, 7, 5), (2, 2, 2), 0.3)
+    found = measure_distances(session, arrays)
+    assert found.states is not None
+    assert arrays.cells is not None
+    assert arrays.inside is not None
+    boundary, inside = (
+        np.unpackbits(words.get().view(np.uint8), axis=-1, bitorder="little")[..., :9] > 0
+        for words in (arrays.cells.boundary, arrays.inside)
+    )
+    outer = block_distances(boundary | inside, MOST)
+    inner = block_distances(~inside, MOST)
+    expected = 0xFFFFFF00 + np.where(inside, 0x80 + inner.astype(np.int64), outer)
+    expected[boundary] = np.arange(boundary.sum())
+    np.testing.assert_array_equal(found.states.get().reshape(5, 7, 9), expected)
 
 
 @given(seed=st.integers(0, 2**32 - 1), parallel=st.booleans(), most=st.sampled_from([1 << 20, 60]))
 def test_starts_change_nothing(session: Session, seed: int, parallel: bool, most: int) -> None:
     """Of what is met, and of how long rays are within; from anywhere, and with any spacing."""
     rng = np.random.default_rng(seed)
-    arrays = model(session, seed, (8, 9, 7), (3, 2, 4), float(rng.choice([0.003, 0.03])))
+    share = float(rng.choice([0.003, 0.03, 0.9]))
+    arrays = model(session, seed, (8, 9, 7), (3, 2, 4), share)
+    if rng.random() < 0.3:
+        voxels = rng.random((20, 30, 40)) < 0.001
+        arrays = VoxelArrays((40, 30, 20), session.upload(pack_bits(voxels)))
     spacing = tuple(rng.choice([0.3, 1.0, 2.0], 3).tolist())
     grid = Grid((0, 0, 0), spacing, arrays.shape)
     low, high = grid.bounds
     eye, target = rng.uniform(low - (high - low), high + (high - low)), rng.uniform(low, high)
     height = float((high - low).max()) if parallel else None
     camera = Camera(tuple(eye), tuple(target), tuple(rng.normal(size=3)), height=height)
-    view = camera.view(grid, SIZE)
-    plain = Scene(arrays, grid.spacing)
-    skipping = replace(plain, distances=measure_distances(session, arrays, most_blocks=most))
-    hits = [march(session, scene, view, view.rays, SIZE) for scene in (plain, skipping)]
-    first, second = (found.voxels.get() for found in hits)
-    # What is met is the same; along which axis may differ where a ray begins in the voxel.
-    np.testing.assert_array_equal(first[..., :3], second[..., :3])
-    lengths = [
-        measure_lengths(session, scene, view, view.rays, SIZE).get() for scene in (plain, skipping)
-    ]
-    np.testing.assert_array_equal(lengths[0], lengths[1])
+    samples = int(rng.integers(1, 3))
+    view = camera.view(grid, (SIZE[0] * samples, SIZE[1] * samples))
+    distances = measure_distances(session, arrays, most_blocks=most)
+    beams = find_beams(session, distances, arrays.shape, view.rays, SIZE, samples)
+    scene = Scene(arrays, grid.spacing)
+    pictures = [(view, Pixels.whole(SIZE, samples)), (view.middle(samples), Pixels.whole(SIZE))]
+    for seen, pixels in pictures:
+        hits = [march(session, scene, seen, pixels, known) for known in (None, beams)]
+        first, second = (found.voxels.get() for found in hits)
+        # What is met is the same; along which axis may differ where a ray begins in the voxel.
+        np.testing.assert_array_equal(first[..., :3], second[..., :3])
+        lengths = [
+            measure_lengths(session, scene, seen, pixels, known).get() for known in (None, beams)
+        ]
+        np.testing.assert_array_equal(lengths[0], lengths[1])
+
+
+@pytest.mark.skipif(INTERPRETED, reason="its kernels are looked at by the other tests")
+@pytest.mark.parametrize("most", [1 << 22, 5000])
+def test_long_ways_change_nothing(session: Session, most: int) -> None:
+    """Through empty space and through the inside, from within and from outside."""
+    rng = np.random.default_rng(8)
+    cells = 40, 30, 50
+    arrays = model(session, 8, cells, (4, 4, 4), 2e-4)
+    assert arrays.inside is not None
+    # A large block of the cells is wholly inside.
+    inner = np.zeros(cells[::-1], bool)
+    inner[10:40, 5:25, 8:33] = True
+    assert arrays.cells is not None
+    held = arrays.cells.boundary.get()
+    solid = replace(arrays, inside=session.upload(pack_bits(inner) & ~held))
+    scene, grid = Scene(solid, (1.0, 1.0, 1.0)), Grid((0, 0, 0), 1.0, arrays.shape)
+    distances = measure_distances(session, solid, most_blocks=most)
+    for _ in range(6):
+        low, high = grid.bounds
+        eye = rng.uniform(low - 100, high + 100)
+        view = Camera(tuple(eye), tuple(rng.uniform(low, high)), fov=70.0).view(grid, (64, 48))
+        pixels = Pixels.whole((64, 48))
+        beams = find_beams(session, distances, arrays.shape, view.rays, (64, 48))
+        first, second = (
+            march(session, scene, view, pixels, known).voxels.get()[:, :3]
+            for known in (None, beams)
+        )
+        np.testing.assert_array_equal(first, second)
+        one, other = (
+            measure_lengths(session, scene, view, pixels, known).get() for known in (None, beams)
+        )
+        np.testing.assert_array_equal(one, other)
 
 
 @pytest.mark.skipif(INTERPRETED, reason="its kernels are looked at by the other tests")
@@ -95,7 +164,6 @@ def test_most_rays_skip_much(session: Session) -> None:
     grid = Grid((0, 0, 0), 1.0, arrays.shape)
     view = Camera.around(grid).view(grid, (64, 64))
     distances = measure_distances(session, arrays)
-    assert distances is not None
     starts = find_starts(session, distances, arrays.shape, view.rays, (64, 64)).get()
     assert starts.shape == (64,)
     assert (starts > 0).all()

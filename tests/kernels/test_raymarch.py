@@ -11,14 +11,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from clvox.camera import Camera, Rays, View
+from clvox.camera import Camera, Plane, Rays, View
 from clvox.device import Session
 from clvox.errors import GridError
 from clvox.grid import Grid, Shape
 from clvox.ops.layout import Cells, VoxelArrays, cell_shape
-from clvox.ops.raymarch import Scene, march, measure_lengths
+from clvox.ops.raymarch import Hits, Pixels, Scene, march, measure_lengths
 from clvox.reference.multilevel import pack_bits, pack_bricks, rank
-from clvox.reference.raymarch import first_voxels, lengths
+from clvox.reference.raymarch import _ray, first_voxels, lengths
 
 SIZE = 11, 9
 BRICKS = (8, 8, 8), (2, 4, 3), (3, 5, 2), (4, 4, 4)
@@ -71,6 +71,12 @@ def shape_of(voxels: NDArray[np.bool_]) -> Shape:
     return nx, ny, nz
 
 
+def voxels_of(hits: Hits, size: tuple[int, int]) -> NDArray[np.int32]:
+    """What is met first, (rows, columns, 3)."""
+    voxels: NDArray[np.int32] = hits.voxels.get().reshape(size[1], size[0], 4)[..., :3]
+    return voxels
+
+
 def view_of(rays: Rays, shape: Shape, low: Shape = (0, 0, 0), high: Shape | None = None) -> View:
     """A view of which only the rays and the voxels that are drawn matter."""
     nothing = np.zeros(3)
@@ -85,17 +91,18 @@ def check_rays(
     spacing: tuple[float, float, float] = ONES,
 ) -> NDArray[np.int32]:
     """Compare both kernels with their twins, on a model of one level and on one of two."""
-    rays, box = view.rays, (view.low, view.high)
+    rays, box = view.rays, (view.low, view.high, view.cut)
     expected = first_voxels(voxels, rays, SIZE, *box)
     within = lengths(voxels, rays, SIZE, spacing, *box)
     diagonal = float(np.linalg.norm(np.array(shape_of(voxels)) * spacing))
     for arrays in models(session, voxels, rng):
         scene = Scene(arrays, spacing)
-        hits = march(session, scene, view, rays, SIZE)
-        np.testing.assert_array_equal(hits.voxels.get()[..., :3], expected)
-        np.testing.assert_array_equal(np.isfinite(hits.far.get()), expected[..., 0] >= 0)
-        got = measure_lengths(session, scene, view, rays, SIZE).get()
-        np.testing.assert_allclose(got, within, rtol=0, atol=1e-5 * diagonal)
+        hits = march(session, scene, view, Pixels.whole(SIZE))
+        np.testing.assert_array_equal(voxels_of(hits, SIZE), expected)
+        found = np.isfinite(hits.far.get()).reshape(expected.shape[:2])
+        np.testing.assert_array_equal(found, expected[..., 0] >= 0)
+        got = measure_lengths(session, scene, view, Pixels.whole(SIZE)).get()
+        np.testing.assert_allclose(got.reshape(within.shape), within, rtol=0, atol=1e-5 * diagonal)
     return expected
 
 
@@ -141,8 +148,45 @@ def test_rays_of_cameras(session: Session, seed: int) -> None:
         eye = rng.uniform(low - (high - low), high + (high - low))
     box = None if rng.random() < 0.5 else np.sort(rng.uniform(low, high, (2, 3)), axis=0)
     lens = {"fov": 70.0} if rng.random() < 0.6 else {"height": float((high - low).max())}
-    camera = Camera(eye, target, rng.normal(size=3), box=box, **lens)  # type: ignore[arg-type]
+    # Sometimes along an axis, and through rays that are parallel to it.
+    normal = rng.normal(size=3) if rng.random() < 0.6 else np.eye(3)[rng.integers(3)] * -1
+    cut = None if rng.random() < 0.4 else (rng.uniform(low - 1, high + 1), normal)
+    camera = Camera(eye, target, rng.normal(size=3), box=box, cut=cut, **lens)  # type: ignore[arg-type]
     check_rays(session, voxels, camera.view(grid, SIZE), rng, grid.spacing)
+
+
+@given(seed=st.integers(0, 2**32 - 1), begins=st.booleans())
+def test_planes_through_edges_and_corners(session: Session, seed: int, begins: bool) -> None:
+    """Of small integers, so that rays meet them at edges, or are parallel to them."""
+    rng = np.random.default_rng(seed)
+    voxels = solid(rng)
+    shape = shape_of(voxels)
+    direction = rng.integers(-2, 3, 3)
+    direction[rng.integers(3)] = rng.choice([-1, 1])
+    triples = [direction, *(8 * rng.integers(-2, 3, (2, 3))), 8 * rng.integers(-8, 20, 3)]
+    ahead, right, down, start = ((int(x), int(y), int(z)) for x, y, z in triples)
+    rays = Rays(4, 0, 1 << 20, ahead, start, right, down, begins=begins)
+    normal = rng.integers(-2, 3, 3)
+    normal[rng.integers(3)] = rng.choice([-1, 1])
+    most = int(normal @ (8 * rng.integers(-1, 2 * np.array(shape) + 2)))
+    x, y, z = normal.tolist()
+    cut = Plane((x, y, z), most, np.zeros(3), (0.0, 0.0, 0.0, 0.0))
+    check_rays(session, voxels, replace(view_of(rays, shape), cut=cut), rng)
+
+
+def test_a_plane_halves_a_full_box(session: Session) -> None:
+    """The lengths on both sides of it make the whole, and neither is nothing."""
+    voxels = np.ones((8, 8, 8), bool)
+    grid = Grid((0, 0, 0), 1.0, (8, 8, 8))
+    scene = Scene(two_levels(session, voxels, (2, 4, 3)), ONES)
+    whole = Camera.around(grid, aspect=SIZE[0] / SIZE[1])
+    sums = []
+    for normal in ((1.0, 2.0, -0.5), (-1.0, -2.0, 0.5)):
+        view = replace(whole, cut=((4, 4, 4), normal)).view(grid, SIZE)
+        sums.append(measure_lengths(session, scene, view, Pixels.whole(SIZE)).get())
+    full = measure_lengths(session, scene, whole.view(grid, SIZE), Pixels.whole(SIZE)).get()
+    np.testing.assert_allclose(sums[0] + sums[1], full, atol=1e-4)
+    assert all(0.3 * full.sum() < half.sum() < 0.7 * full.sum() for half in sums)
 
 
 @pytest.mark.parametrize("lens", [{"fov": 40.0}, {"height": 8.0}])
@@ -162,10 +206,53 @@ def test_any_number_of_rays(session: Session, size: tuple[int, int]) -> None:
     voxels = np.ones((2, 2, 2), bool)
     rays = Rays(4, 0, 1 << 20, (1, 3, 2), (-40, 3, 5), (3, 1, 0), (0, 2, 3))
     scene, view = Scene(dense(session, voxels), ONES), view_of(rays, (2, 2, 2))
-    hits = march(session, scene, view, rays, size).voxels.get()[..., :3]
-    np.testing.assert_array_equal(hits, first_voxels(voxels, rays, size))
-    within = measure_lengths(session, scene, view, rays, size).get()
-    np.testing.assert_allclose(within, lengths(voxels, rays, size, ONES), atol=1e-5)
+    hits = march(session, scene, view, Pixels.whole(size))
+    np.testing.assert_array_equal(voxels_of(hits, size), first_voxels(voxels, rays, size))
+    within = measure_lengths(session, scene, view, Pixels.whole(size)).get()
+    expected = lengths(voxels, rays, size, ONES)
+    np.testing.assert_allclose(within.reshape(expected.shape), expected, atol=1e-5)
+
+
+@pytest.mark.parametrize("listed", [False, True])
+@pytest.mark.parametrize("samples", [1, 2, 3])
+def test_some_pixels_of_a_picture(session: Session, listed: bool, samples: int) -> None:
+    """In a row or from a list, with a few rays for each; what is met is what all rays meet."""
+    voxels = np.ones((4, 5, 6), bool)
+    grid = Grid((0, 0, 0), 1.0, (6, 5, 4))
+    columns, rows = SIZE
+    fine = columns * samples, rows * samples
+    view = Camera.around(grid).view(grid, fine)
+    scene = Scene(two_levels(session, voxels, (2, 4, 3)), ONES)
+    expected = first_voxels(voxels, view.rays, fine)
+    blocks = expected.reshape(rows, samples, columns, samples, 3).transpose(0, 2, 1, 3, 4)
+    by_pixel = blocks.reshape(rows * columns, samples**2, 3)
+    numbers = np.random.default_rng(5).permutation(rows * columns).astype(np.uint32)
+    chosen = session.upload(numbers) if listed else None
+    pixels = Pixels(SIZE, samples, 7, 40, chosen)
+    wanted = by_pixel[numbers[7:47]] if listed else by_pixel[7:47]
+    got = march(session, scene, view, pixels).voxels.get()[..., :3]
+    np.testing.assert_array_equal(got.reshape(wanted.shape), wanted)
+    parts = [part.count for part in pixels.parts(16 * samples**2)]
+    assert parts == [16, 16, 8]
+
+
+@pytest.mark.parametrize("parallel", [False, True])
+def test_rays_in_the_middle(parallel: bool) -> None:
+    """Those of a coarser picture from the same place, up to rounding."""
+    grid = Grid((0, 0, 0), 1.0, (60, 50, 40))
+    camera = Camera.around(grid, parallel=parallel)
+    for samples in (1, 2, 3):
+        fine = camera.view(grid, (SIZE[0] * samples, SIZE[1] * samples)).middle(samples)
+        coarse = camera.view(grid, SIZE)
+        np.testing.assert_allclose(fine.pixel, coarse.pixel)
+        for column, row in ((0, 0), (10, 8), (5, 3)):
+            ends = []
+            for rays in (fine.rays, coarse.rays):
+                place, direction = _ray(rays, column, row)
+                ahead = np.array(direction, float) / np.abs(direction).max()
+                ends.append((np.array(place) / 2.0**rays.bits, ahead))
+            np.testing.assert_allclose(ends[0][0], ends[1][0], atol=4 / 2.0**rays.bits)
+            np.testing.assert_allclose(ends[0][1], ends[1][1], atol=1e-4)
 
 
 def test_rays_far_off_miss(session: Session) -> None:
@@ -173,7 +260,7 @@ def test_rays_far_off_miss(session: Session) -> None:
     voxels = np.ones((2, 2, 2), bool)
     rays = Rays(16, 0, 1 << 30, (1 << 17, 3, 5), (0, 1 << 60, 0), (0, 1 << 50, 0), (0, 0, 1))
     scene = Scene(two_levels(session, voxels, (2, 2, 2)), ONES)
-    hits = march(session, scene, view_of(rays, (2, 2, 2)), rays, SIZE)
+    hits = march(session, scene, view_of(rays, (2, 2, 2)), Pixels.whole(SIZE))
     assert (hits.voxels.get()[..., :3] == -1).all()
 
 
@@ -184,7 +271,7 @@ def test_voxels_beyond_the_grid_are_never_met(session: Session) -> None:
     scene = Scene(two_levels(session, voxels, (8, 8, 8)), ONES)
     for direction in ((-1, -1, -1), (1, -1, 2), (-3, 1, 1), (0, 0, -1)):
         view = Camera.around(grid, direction=direction, up=(0, 1, 0)).view(grid, SIZE)
-        assert march(session, scene, view, view.rays, SIZE).voxels.get()[..., :3].max() == 8
+        assert march(session, scene, view, Pixels.whole(SIZE)).voxels.get()[..., :3].max() == 8
 
 
 @given(

@@ -6,20 +6,23 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from clvox.camera import Camera
 from clvox.device import Session
 from clvox.grid import Grid
 from clvox.ops.attributes import number_touched
-from clvox.ops.raymarch import Paint, Scene, march, shade, shade_volume
+from clvox.ops.raymarch import Pixels, Scene, march
+from clvox.ops.shading import Fog, Paint, choose_pixels, shade, shade_volume
+from clvox.ops.sky import measure_sky
 from clvox.reference.attributes import pack_normal
+from clvox.reference.raymarch import uneven_pixels
 from tests.kernels.models import MODELS, sample
 
 SIZE = 5, 4
 SAMPLES = 2
-OFFSETS = np.array([(1, 0, 0), (0, -2, 1), (0.5, 1, 3)], np.float32)
 NOTHING = 0.0, 0.0, 0.0, 0.0
-PAINT = Paint(((0.3, 0.5, 0.7),) * 4, 0.3, 0.8, 0.2, 20.0, 0.0, NOTHING, OFFSETS)
+PAINT = Paint(((0.3, 0.5, 0.7),) * 4, 0.3, 0.8, 0.2, 20.0, 0.0, NOTHING)
 SPACING = 1.0, 2.0, 0.5
 
 
@@ -46,16 +49,25 @@ def test_opacity_is_the_share_of_rays_that_hit(
     grid = Grid((0, 0, 0), SPACING, scene.arrays.shape)
     samples = SAMPLES * SIZE[0], SAMPLES * SIZE[1]
     view = Camera.around(grid, fov=50.0).view(grid, samples)
-    hits = march(session, scene, view, view.rays, samples)
+    chosen = Pixels.whole(SIZE, SAMPLES)
+    hits = march(session, scene, view, chosen)
+    sky = measure_sky(session, scene.arrays, SPACING)
+
+    def colours(paint: Paint) -> NDArray[np.uint8]:
+        canvas = session.empty((SIZE[1], SIZE[0], 4), np.uint8)
+        shade(session, scene, view, chosen, hits, paint, sky, canvas)
+        found: NDArray[np.uint8] = canvas.get()
+        return found
+
     paint = replace(PAINT, lines=lines)
-    pixels = shade(session, scene, view, view.rays, hits, SAMPLES, paint).get()
+    pixels = colours(paint)
     met = hits.voxels.get()[..., 0] >= 0
-    share = met.reshape(SIZE[1], SAMPLES, SIZE[0], SAMPLES).mean(axis=(1, 3))
+    share = met.reshape(SIZE[1], SIZE[0], SAMPLES**2).mean(axis=2)
     np.testing.assert_array_equal(pixels[..., 3], np.rint(255 * share))
     assert (pixels[share == 0, :3] == 0).all()
     assert (pixels[share > 0, :3].max(axis=-1) > 0).all()
     paint = replace(paint, background=(1.0, 1.0, 1.0, 1.0))
-    pixels = shade(session, scene, view, view.rays, hits, SAMPLES, paint).get()
+    pixels = colours(paint)
     assert (pixels[..., 3] == 255).all()
     assert (pixels[share == 0] == 255).all()
 
@@ -64,9 +76,12 @@ def test_emission_alone_is_the_colour_itself(session: Session) -> None:
     scene = scene_of(session, 2, stored=False)
     grid = Grid((0, 0, 0), SPACING, scene.arrays.shape)
     view = Camera.around(grid).view(grid, SIZE)
-    hits = march(session, scene, view, view.rays, SIZE)
-    paint = Paint(((0.0, 0.25, 1.0),) * 4, 0.0, 0.0, 0.0, 1.0, 1.0, NOTHING, OFFSETS[:0])
-    pixels = shade(session, scene, view, view.rays, hits, 1, paint).get()
+    chosen = Pixels.whole(SIZE)
+    hits = march(session, scene, view, chosen)
+    paint = Paint(((0.0, 0.25, 1.0),) * 4, 0.0, 0.0, 0.0, 1.0, 1.0, NOTHING)
+    canvas = session.empty((SIZE[1], SIZE[0], 4), np.uint8)
+    shade(session, scene, view, chosen, hits, paint, None, canvas)
+    pixels = canvas.get()
     met = pixels[..., 3] == 255
     assert met.any()
     # The rim is a little brighter, whatever the material.
@@ -77,34 +92,44 @@ def test_emission_alone_is_the_colour_itself(session: Session) -> None:
 @pytest.mark.parametrize("counted", [False, True])
 def test_volumes_hold_back_light(session: Session, counted: bool) -> None:
     """By Beer and Lambert's law, or in proportion; without light there is the thick colour."""
-    lengths = np.array([[0.0, 0.5, 1.0, 9.0]], np.float32)
-    colours = (1.0, 0.0, 0.0), (0.0, 0.0, 1.0)
-    pixels = shade_volume(
-        session, session.upload(lengths), 1, colours, 0.5, counted=counted, background=NOTHING
-    ).get()[0]
-    depth = 0.5 * lengths[0]
+    lengths = np.array([0.0, 0.5, 1.0, 9.0], np.float32)
+    fog = Fog((1.0, 0.0, 0.0), (0.0, 0.0, 1.0), 0.5, counted, NOTHING)
+    pixels = fogged(session, lengths, fog, (4, 1), 1)[0]
+    depth = 0.5 * lengths
     opacity = np.minimum(depth, 1.0) if counted else 1 - np.exp(-depth)
     np.testing.assert_allclose(pixels[:, 3], 255 * opacity, atol=1)
     assert pixels[0].tolist() == [0, 0, 0, 0]
     assert pixels[3, 2] > pixels[1, 2]
     assert pixels[3, 0] < pixels[1, 0]
-    on_white = shade_volume(
-        session,
-        session.upload(lengths),
-        1,
-        colours,
-        0.5,
-        counted=counted,
-        background=(1.0, 1.0, 1.0, 1.0),
-    ).get()[0]
-    assert on_white[0].tolist() == [255, 255, 255, 255]
+    paper = replace(fog, background=(1.0, 1.0, 1.0, 1.0))
+    assert fogged(session, lengths, paper, (4, 1), 1)[0, 0].tolist() == [255, 255, 255, 255]
 
 
 def test_volume_pixels_are_means_of_their_samples(session: Session) -> None:
-    lengths = np.zeros((4, 6), np.float32)
-    lengths[0, 1] = lengths[3, 4] = lengths[3, 5] = 1e9
-    colours = (1.0, 1.0, 1.0), (1.0, 1.0, 1.0)
-    pixels = shade_volume(
-        session, session.upload(lengths), 2, colours, 1.0, counted=False, background=NOTHING
-    ).get()
+    """Of those of one pixel, which are kept together."""
+    lengths = np.zeros((2, 3, 4), np.float32)
+    lengths[0, 0, 1] = lengths[1, 2, 2] = lengths[1, 2, 3] = 1e9
+    fog = Fog((1.0, 1.0, 1.0), (1.0, 1.0, 1.0), 1.0, False, NOTHING)
+    pixels = fogged(session, lengths.reshape(-1), fog, (3, 2), 2)
     np.testing.assert_array_equal(pixels[..., 3], [[64, 0, 0], [0, 0, 128]])
+
+
+def fogged(
+    session: Session, lengths: NDArray[np.float32], fog: Fog, size: tuple[int, int], samples: int
+) -> NDArray[np.uint8]:
+    canvas = session.empty((size[1], size[0], 4), np.uint8)
+    shade_volume(session, session.upload(lengths), Pixels.whole(size, samples), fog, canvas)
+    pixels: NDArray[np.uint8] = canvas.get()
+    return pixels
+
+
+@pytest.mark.parametrize("size", [(1, 1), (9, 7), (16, 1)])
+@pytest.mark.parametrize("least", [1, 30, 200])
+def test_uneven_pixels_are_chosen(session: Session, size: tuple[int, int], least: int) -> None:
+    rng = np.random.default_rng(size[0] + least)
+    image = np.full((size[1], size[0], 4), 40, np.uint8)
+    some = rng.random(image.shape) < 0.05
+    image[some] += rng.integers(0, 215, int(some.sum())).astype(np.uint8)
+    count, numbers = choose_pixels(session, session.upload(image), least)
+    expected = np.flatnonzero(uneven_pixels(image, least))
+    np.testing.assert_array_equal(np.sort(numbers.get()[:count]), expected)
