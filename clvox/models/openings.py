@@ -47,7 +47,7 @@ def build_open(
                 arrays = vote.fill_vote(session, *mesh, bits, shape, levels, progress=progress)
                 doubtful = vote.odd_rays(session, facets, bits, shape)
             else:
-                rim = winding.upload_rim(session, vertices[directed_rim(surface)], lattice.step)
+                rim = winding.upload_rim(session, vertices, directed_rim(surface), lattice.step)
                 arrays = winding.fill_winding(
                     session, facets, rim, bits, shape, levels, progress=progress
                 )

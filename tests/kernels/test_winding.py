@@ -12,9 +12,11 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from clvox.grid import Shape, Triple
+from clvox.ops.caps import close_rim
 from clvox.ops.facets import upload_facets
 from clvox.ops.layout import cell_shape
-from clvox.ops.winding import LIST_BYTES, classify_cells, fill_winding, upload_rim
+from clvox.ops.lists import LIST_BYTES
+from clvox.ops.winding import MIXED, Rim, classify_cells, fill_winding, upload_rim
 from clvox.reference import fill as reference
 from clvox.reference.winding import samples, winding_numbers
 from tests.kernels.cases import INTERPRETED, soup
@@ -31,15 +33,25 @@ STEPS: list[Triple] = [(1.0, 1.0, 1.0), (0.5, 2.0, 1.0)]
 
 
 def rim_of(mesh: Mesh) -> NDArray[np.int32]:
-    """The edges that are used more often one way, as often as they are; (n, 2, 3)."""
-    vertices, faces = mesh
+    """The edges that are used more often one way, as often as they are; (n, 2)."""
     uses: Counter[tuple[int, int]] = Counter()
-    for corners in faces.tolist():
+    for corners in mesh[1].tolist():
         for a, b in zip(corners, corners[1:] + corners[:1], strict=True):
             uses[a, b] += 1
             uses[b, a] -= 1
     edges = [edge for edge, net in uses.items() for _ in range(net)]
-    return vertices.astype(np.int32)[np.array(edges, dtype=np.intp).reshape(-1, 2)]
+    return np.array(edges, dtype=np.int32).reshape(-1, 2)
+
+
+def rim_on(session: Session, mesh: Mesh, step: Triple = STEPS[0]) -> Rim:
+    """The rim of a mesh, on the device."""
+    return upload_rim(session, mesh[0].astype(np.int32), rim_of(mesh), step)
+
+
+def with_caps(mesh: Mesh) -> Mesh:
+    """The mesh, closed."""
+    vertices, faces = mesh
+    return vertices, np.concatenate([faces, close_rim(rim_of(mesh))])
 
 
 def by_winding(
@@ -50,7 +62,7 @@ def by_winding(
     list_bytes: int = LIST_BYTES,
 ) -> NDArray[np.bool_]:
     facets = upload_facets(session, mesh[0].astype(np.int32), mesh[1])
-    rim = upload_rim(session, rim_of(mesh), step)
+    rim = rim_on(session, mesh, step)
     arrays = fill_winding(session, facets, rim, BITS, SHAPE, LEVELS[levels], list_bytes=list_bytes)
     return voxels_of(session, arrays)
 
@@ -113,17 +125,17 @@ def test_far_from_the_rim_crossings_alone_decide(session: Session) -> None:
     """Half of all cells and more have a threshold, which is right for each of their voxels."""
     shape, side = (SHAPE, 2) if INTERPRETED else ((48, 48, 48), 4)
     part = ball_with_a_hole(shape)
-    rim = upload_rim(session, rim_of(part), STEPS[0])
+    rim = rim_on(session, part)
     facets = upload_facets(session, part[0].astype(np.int32), part[1])
     cells, thresholds = classify_cells(session, facets, rim, BITS, shape, (side, side, side))
     found = thresholds.get()
     assert found.shape == cell_shape(shape, (side, side, side))[::-1]
-    assert 0 < np.count_nonzero(found == -32768) < found.size / 2
+    assert 0 < np.count_nonzero(found == MIXED) < found.size / 2
     assert cells.count < found.size
-    signs = reference.winding_numbers(*part, BITS, shape, "y").ravel()
+    signs = reference.winding_numbers(*with_caps(part), BITS, shape, "y").ravel()
     k, j, i = np.indices(shape[::-1]).reshape(3, -1) // side
     threshold = found[k, j, i]
-    known = np.flatnonzero(threshold != -32768)[::7]
+    known = np.flatnonzero(threshold != MIXED)[::7]
     winding = winding_numbers(*part, samples(shape, BITS)[known])
     np.testing.assert_array_equal(signs[known] >= threshold[known], winding > 0.5)
 
@@ -134,7 +146,7 @@ def test_above_the_rim_jumps_across_the_curtain_are_counted(session: Session, ax
     shape: Shape = (8, 9, 7) if INTERPRETED else (48, 48, 48)
     part = ball_with_a_hole(shape, axis)
     facets = upload_facets(session, part[0].astype(np.int32), part[1])
-    rim = upload_rim(session, rim_of(part), STEPS[1])
+    rim = rim_on(session, part, STEPS[1])
     levels = cell_shape(shape, (8, 8, 8)), (8, 8, 8)
     found = voxels_of(session, fill_winding(session, facets, rim, BITS, shape, levels)).ravel()
     some = slice(None, None, 3)
