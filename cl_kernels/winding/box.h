@@ -6,9 +6,9 @@
 
 #include "winding/caps.h"
 
-/* How much of the error for a box may come from dipoles; what the caps wind is mostly near a whole
- * number, a half away from doubt. */
-#define BOX_TOLERANCE 0.2f
+/* How closely a box looks at the caps: what they wind is mostly near a whole number, half a turn
+ * away from doubt. */
+#define BOX_CARE 1.0f
 
 /* The least sum of signs of crossings, before a sample and with those of the caps, that is inside,
  * for all samples of the voxels from `low` to `high`; MIXED if there may be none. */
@@ -20,7 +20,7 @@ static inline short threshold_of(const int3 low, const int3 high, CAPS_PARAMETER
     /* A step more, since the centre was rounded. */
     const float3 sides = (convert_float3(last - first) * 0.5f + 1.0f) * scale.xyz;
     const float reach = sqrt(dot(sides, sides)) * (1.0f + 0x1p-20f);
-    const Estimate caps = wind_caps(centre, reach, BOX_TOLERANCE, CAPS);
+    const Estimate caps = wind_caps(centre, reach, BOX_CARE, CAPS);
     const float least = caps.winding + 0.5f, below = floor(least);
     const bool sure = min(least - below, below + 1.0f - least) > caps.error;
     return sure && fabs(below) < 32000.0f ? (short)((int)below + 1) : (short)MIXED;

@@ -40,11 +40,11 @@
  * that are below it, and its triangle, if it is a leaf, or -1.
  * moments: (nodes, 5) float32: N, A and rho, in units of scale.
  * corners: (triangles, 3, 3) int32, on the lattice.
- * area: A of the root.  scale: widths of a lattice step along x, y and z, in any unit. */
+ * scale: widths of a lattice step along x, y and z, in any unit. */
 #define CAPS_PARAMETERS \
-    const int nodes, const float area, const float4 scale, const __global int *places, \
+    const int nodes, const float4 scale, const __global int *places, \
     const __global float *moments, const __global int *corners
-#define CAPS nodes, area, scale, places, moments, corners
+#define CAPS nodes, scale, places, moments, corners
 
 /* What is wound, and how far off that may be; size: the sum of the terms without their signs. */
 typedef struct {
@@ -159,9 +159,9 @@ static inline float add_cap(
 
 /* What the caps wind around every sample within `reach` of p; nothing is known if it may be off by
  * a half or more.
- * tolerance: how much of that may come from what is seen as dipoles. */
+ * care: how many times as far as it is wide a node must be, at least, to be seen as a dipole. */
 static inline Estimate wind_caps(
-    const int3 p, const float reach, const float tolerance, CAPS_PARAMETERS)
+    const int3 p, const float reach, const float care, CAPS_PARAMETERS)
 {
     #pragma OPENCL FP_CONTRACT OFF
     Estimate sum;
@@ -169,7 +169,6 @@ static inline Estimate wind_caps(
     sum.size = 0.0f;
     float error = MARGIN;
     int terms = 1;
-    const float most = tolerance * TURN / area;
     int at = 0;
     while (at < nodes && error < 0.5f) {
         const int3 to = (int3)(places[5 * at], places[5 * at + 1], places[5 * at + 2]) - p;
@@ -179,7 +178,7 @@ static inline Estimate wind_caps(
         const float distance = sqrt(dot(off, off));
         const float spread = moment[4] + reach;
         const float gap = distance * SHORTER - spread;
-        if (gap > 0.0f && spread < most * gap * gap * gap) {
+        if (gap > 0.0f && gap > care * spread) {
             const float cube = 2.0f * TURN * gap * gap;
             const float term = dot((float3)(moment[0], moment[1], moment[2]), off / distance)
                 / (2.0f * TURN * distance * distance);

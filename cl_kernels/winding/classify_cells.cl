@@ -24,7 +24,7 @@
  * marks: a bit per cell, rows padded to words, added to: set for MIXED. */
 __kernel void classify_cells(
     const ulong count, const int4 voxels, const int4 cells, const int4 side,
-    const int4 blocks, const int factor, const int nodes, const float area, const float4 scale,
+    const int4 blocks, const int factor, const int nodes, const float4 scale,
     const __global int *restrict places, const __global float *restrict moments,
     const __global int *restrict corners, const __global short *restrict above,
     __global short *restrict thresholds, __global uint *restrict marks)

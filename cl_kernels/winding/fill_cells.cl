@@ -74,12 +74,12 @@ static inline bool is_inside(
     const int signs, const int caps, const int3 p, const uint edges, const __global int *rim,
     CAPS_PARAMETERS)
 {
-    float tolerance = 0.125f;
+    float care = 1.0f;
     for (int look = 0; look < 3; ++look) {
-        const Estimate found = wind_caps(p, 0.0f, tolerance, CAPS);
+        const Estimate found = wind_caps(p, 0.0f, care, CAPS);
         const float over = (float)(signs + caps) - found.winding - 0.5f;
         if (fabs(over) > found.error) return over > 0.0f;
-        tolerance *= 0x1p-4f;
+        care *= 4.0f;
     }
     return (float)signs > curtain_winding(rim, edges, p, scale) + 0.5f;
 }
@@ -99,7 +99,7 @@ static inline int3 place_of(const int number)
  * bricks: (count, words) uint32, undefined on entry. */
 __kernel void fill_bricks(
     const ulong words, const int4 voxels, const int4 cells, const int4 window, const uint edges,
-    const __global int *restrict rim, const int nodes, const float area, const float4 scale,
+    const __global int *restrict rim, const int nodes, const float4 scale,
     const __global int *restrict places, const __global float *restrict moments,
     const __global int *restrict corners, const __global ulong *restrict offsets,
     const __global long *restrict rows, const __global ulong *restrict cap_offsets,

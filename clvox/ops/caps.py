@@ -19,12 +19,11 @@ _MORTON_BITS = 10
 class Caps(NamedTuple):
     """The caps of a mesh on the device, in a tree.
 
-    nodes: their number; area: of all caps; scale: a kernel's argument, the widths of a lattice
-    step; the arrays are those of `winding/caps.h`.
+    nodes: their number; scale: a kernel's argument, the widths of a lattice step; the arrays are
+    those of `winding/caps.h`.
     """
 
     nodes: int
-    area: float
     scale: np.generic
     places: cla.Array
     moments: cla.Array
@@ -33,8 +32,7 @@ class Caps(NamedTuple):
     @property
     def arguments(self) -> tuple[Argument, ...]:
         """CAPS_PARAMETERS of `winding/caps.h`."""
-        numbers = np.int32(self.nodes), np.float32(self.area), self.scale
-        return *numbers, self.places, self.moments, self.corners
+        return np.int32(self.nodes), self.scale, self.places, self.moments, self.corners
 
 
 def close_rim(rim: NDArray[np.int32]) -> NDArray[np.int32]:
@@ -77,7 +75,7 @@ def close_rim(rim: NDArray[np.int32]) -> NDArray[np.int32]:
 
 
 def _closed_lines(rim: NDArray[np.int32]) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
-    """The vertices of closed lines that use each edge once and no vertex twice, and their counts."""
+    """Closed lines that use each edge once and no vertex twice: their vertices, and counts."""
     after: dict[int, list[int]] = {}
     for start, end in rim.tolist():
         after.setdefault(start, []).append(end)
@@ -114,11 +112,10 @@ def upload_caps(
         # A buffer is not empty.
         empty = np.zeros((1, 5), np.int32), np.zeros((1, 5), np.float32)
         places, moments, corners = *empty, np.zeros((1, 3, 3), np.int32)
-        return Caps(0, 1.0, scale, *map(session.upload, (places, moments, corners)))
+        return Caps(0, scale, *map(session.upload, (places, moments, corners)))
     corners = corners[_along_a_curve(corners)]
     places, moments = _plant(corners, widths)
-    area = float(moments[0, 3])
-    return Caps(len(places), area, scale, *map(session.upload, (places, moments, corners)))
+    return Caps(len(places), scale, *map(session.upload, (places, moments, corners)))
 
 
 def _along_a_curve(corners: NDArray[np.int32]) -> NDArray[np.intp]:
@@ -152,7 +149,7 @@ def _plant(
         # Rounded up, since they are bounds.
         moments[at, 3:] = np.nextafter(level.bounds.astype(np.float32), np.float32(np.inf))
         if below is not None:
-            at = _children(at, level, below)
+            at = _children(at, below)
     return places, moments
 
 
@@ -199,11 +196,13 @@ def _join(level: _Level, widths: NDArray[np.float64]) -> _Level:
         np.stack([areas, np.maximum(*reach)], axis=1),
     )
     left = slice(count - count % 2, None)
-    return _Level(*(np.concatenate([own, old[left]]) for own, old in zip(joined, level, strict=True)))
+    return _Level(
+        *(np.concatenate([own, old[left]]) for own, old in zip(joined, level, strict=True))
+    )
 
 
-def _children(at: NDArray[np.int64], level: _Level, below: _Level) -> NDArray[np.int64]:
-    """Where the nodes *below* are, in preorder, those of *level* being *at*."""
+def _children(at: NDArray[np.int64], below: _Level) -> NDArray[np.int64]:
+    """Where the nodes *below* are, in preorder, those above being *at*."""
     places = np.empty(len(below.sizes), np.int64)
     pairs = len(places) // 2
     places[0 : 2 * pairs : 2] = at[:pairs] + 1

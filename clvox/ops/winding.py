@@ -137,9 +137,7 @@ def _classify(
     cells = math.prod(counts)
     target = above, thresholds, marks
     steps = 1 + STEPS_PER_LOOK * (rim.edges > 0)
-    session.run(
-        kernel, cells, np.uint64(cells), *frame, *rim.caps.arguments, *target, steps=steps
-    )
+    session.run(kernel, cells, np.uint64(cells), *frame, *rim.caps.arguments, *target, steps=steps)
     return thresholds
 
 

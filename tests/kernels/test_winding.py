@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
+import trimesh
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
@@ -159,5 +160,48 @@ def ball_with_a_hole(shape: Shape, axis: int = 1) -> Mesh:
     """A ball in the middle of a grid, without its lowest triangle along an axis."""
     vertices, faces = BALL
     lowest = vertices[faces].mean(axis=1)[:, axis].argmin()
-    place = np.rint((vertices * 0.4 + 0.5) * shape * (1 << BITS)).astype(np.int64)
-    return place, np.delete(faces, lowest, axis=0)
+    return placed(vertices, shape), np.delete(faces, lowest, axis=0)
+
+
+def placed(vertices: NDArray[np.float64], shape: Shape) -> NDArray[np.int64]:
+    """Points of the unit ball in the middle of a grid."""
+    return np.rint((vertices * 0.4 + 0.5) * shape * (1 << BITS)).astype(np.int64)
+
+
+@given(st.lists(st.integers(3, 40), min_size=1, max_size=4), st.integers(0, 2**32 - 1))
+def test_caps_close_any_rim(counts: list[int], seed: int) -> None:
+    """Lines that meet at vertices too: each edge is run along the other way, and no others are."""
+    rng = np.random.default_rng(seed)
+    lines = [rng.permutation(45)[:count] for count in counts]
+    edges = np.concatenate([np.stack([line, np.roll(line, -1)], axis=1) for line in lines])
+    uses: Counter[tuple[int, int]] = Counter(map(tuple, edges.tolist()))
+    nets = [(edge, count - uses.get(edge[::-1], 0)) for edge, count in uses.items()]
+    rim = np.array([edge for edge, net in nets for _ in range(net)]).reshape(-1, 2)
+    caps = close_rim(rim.astype(np.int32))
+    left: Counter[tuple[int, int]] = Counter(map(tuple, rim.tolist()))
+    for a, b, c in caps.tolist():
+        for one, other in ((a, b), (b, c), (c, a)):
+            left[one, other] += 1
+            left[other, one] -= 1
+    for a, b in rim.tolist():
+        left[b, a] -= 1
+    assert not any(left.values())
+    assert len(caps) <= len(rim)
+
+
+def test_thousands_of_holes_are_the_brute_force_sum(session: Session) -> None:
+    """Far ones as dipoles, near ones one by one: no voxel and no whole cell is decided wrongly."""
+    shape: Shape = (8, 9, 7) if INTERPRETED else (64, 64, 64)
+    ball = trimesh.creation.icosphere(subdivisions=1 if INTERPRETED else 4)
+    vertices, faces = placed(ball.vertices, shape), ball.faces
+    kept = np.ones(len(faces), np.bool_)
+    kept[np.random.default_rng(44).choice(len(faces), len(faces) // 4, replace=False)] = False
+    part = vertices, faces[kept]
+    levels = cell_shape(shape, (8, 8, 8)), (8, 8, 8)
+    facets = upload_facets(session, part[0].astype(np.int32), part[1])
+    rim = rim_on(session, part, STEPS[1])
+    found = voxels_of(session, fill_winding(session, facets, rim, BITS, shape, levels)).ravel()
+    some = np.random.default_rng(45).choice(found.size, min(found.size, 1000), replace=False)
+    winding = winding_numbers(*part, samples(shape, BITS)[some], STEPS[1])
+    sure = np.abs(winding - 0.5) > CLOSE
+    np.testing.assert_array_equal(found[some][sure], winding[sure] > 0.5)
