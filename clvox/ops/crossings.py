@@ -74,7 +74,7 @@ class Window(NamedTuple):
         return cast("np.generic", np.array(corners, cltypes.int4)[()])
 
     def halves(self) -> tuple[Window, ...]:
-        """The window cut in two across u, or across v if it is one ray wide; nothing if it is one."""
+        """Two parts, cut across u, or across v if the window is one ray wide; of one ray none."""
         if self.rays == 1:
             return ()
         if self.sides[0] > 1:

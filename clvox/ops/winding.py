@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from clvox.device import Session
 from clvox.grid import Shape, Triple
 from clvox.ops.boundary import mark_cells
-from clvox.ops.caps import Caps, close_rim, upload_caps
+from clvox.ops.caps import Caps, upload_caps
 from clvox.ops.combine import rebrick
 from clvox.ops.crossings import Window, fraction_bits
 from clvox.ops.facets import Facets, Mesh, Progress, upload_facets
@@ -48,24 +48,26 @@ class Rim(NamedTuple):
 
 
 def upload_rim(
-    session: Session, vertices: NDArray[np.int32], rim: NDArray[np.int32], step: Triple
+    session: Session,
+    vertices: NDArray[np.int32],
+    rim: NDArray[np.int32],
+    caps: NDArray[np.int32],
+    step: Triple,
 ) -> Rim:
     """Return the rim and its caps on the device.
 
-    vertices: (n, 3) int32, lattice positions; rim: (m, 2) int32, edges; step: widths of a lattice
-    step.
+    vertices: (n, 3) int32, lattice positions; rim: (m, 2) int32, edges; caps: (k, 3) int32, from
+    `clvox.ops.caps.close_rim`; step: widths of a lattice step.
     """
-    used, ends = np.unique(rim, return_inverse=True)
-    spots = vertices[used]
-    rows = ends.reshape(-1, 2).astype(np.int32)
-    faces = close_rim(rows)
+    used, rows = np.unique(caps, return_inverse=True)
+    faces = rows.reshape(-1, 3).astype(np.int32)
     # A buffer is not empty.
-    kept = spots[rows] if len(rows) else np.zeros((1, 2, 3), np.int32)
+    ends = vertices[rim] if len(rim) else np.zeros((1, 2, 3), np.int32)
     return Rim(
-        session.upload(kept),
-        len(rows),
-        upload_caps(session, spots, faces, step),
-        upload_facets(session, spots, faces),
+        session.upload(ends),
+        len(rim),
+        upload_caps(session, vertices, caps, step),
+        upload_facets(session, vertices[used], faces),
     )
 
 

@@ -17,8 +17,8 @@ from clvox.ops import dense, fill
 from clvox.ops.boundary import mark_cells
 from clvox.ops.facets import upload_facets
 from clvox.ops.fill import Winding
-from clvox.ops.lists import LIST_BYTES
 from clvox.ops.layout import Bricks, cell_shape, words_for
+from clvox.ops.lists import LIST_BYTES
 from clvox.ops.multilevel import carry, rank_cells
 from clvox.reference import fill as twin
 from clvox.reference.crossings import AXES

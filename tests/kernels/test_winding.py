@@ -46,7 +46,8 @@ def rim_of(mesh: Mesh) -> NDArray[np.int32]:
 
 def rim_on(session: Session, mesh: Mesh, step: Triple = STEPS[0]) -> Rim:
     """The rim of a mesh, on the device."""
-    return upload_rim(session, mesh[0].astype(np.int32), rim_of(mesh), step)
+    rim = rim_of(mesh)
+    return upload_rim(session, mesh[0].astype(np.int32), rim, close_rim(rim), step)
 
 
 def with_caps(mesh: Mesh) -> Mesh:
@@ -193,7 +194,7 @@ def test_thousands_of_holes_are_the_brute_force_sum(session: Session) -> None:
     """Far ones as dipoles, near ones one by one: no voxel and no whole cell is decided wrongly."""
     shape: Shape = (8, 9, 7) if INTERPRETED else (64, 64, 64)
     ball = trimesh.creation.icosphere(subdivisions=1 if INTERPRETED else 4)
-    vertices, faces = placed(ball.vertices, shape), ball.faces
+    vertices, faces = placed(ball.vertices, shape), ball.faces.astype(np.int32)
     kept = np.ones(len(faces), np.bool_)
     kept[np.random.default_rng(44).choice(len(faces), len(faces) // 4, replace=False)] = False
     part = vertices, faces[kept]
