@@ -157,21 +157,23 @@ class Grid:
         -------
         (n, 3) int32
         """
-        where = np.asarray(points, dtype=np.float64)
+        where = np.ascontiguousarray(points, dtype=np.float64)
         if where.ndim != 2 or where.shape[1] != 3:
             raise GridError(f"points must have the shape (n, 3), got {where.shape}")
         cells = np.empty(where.shape, dtype=np.int32)
+        flat, flat_cells = where.reshape(-1), cells.reshape(-1)
+        origins, spacings, counts = _repeated(len(where), self.origin, self.spacing, self.shape)
 
         def part(start: int, stop: int) -> None:
-            held = np.ones(stop - start, dtype=np.bool_)
-            for axis in range(3):
-                with np.errstate(invalid="ignore", over="ignore"):
-                    along = where[start:stop, axis] - self.origin[axis]
-                    along /= self.spacing[axis]
-                    np.floor(along, out=along)
-                    held &= (along >= 0) & (along < self.shape[axis])
-                    cells[start:stop, axis] = along
-            if not held.all():
+            span, size = slice(3 * start, 3 * stop), 3 * (stop - start)
+            with np.errstate(invalid="ignore", over="ignore"):
+                along = flat[span] - origins[:size]
+                along /= spacings[:size]
+                np.floor(along, out=along)
+                flat_cells[span] = along
+            within = (along >= 0) & (along < counts[:size])
+            if not within.all():
+                held = within[0::3] & within[1::3] & within[2::3]
                 cells[start:stop][~held] = -1
 
         in_blocks(part, len(where))
@@ -259,22 +261,28 @@ class Lattice:
         where = np.ascontiguousarray(points, dtype=np.float64)
         steps = np.empty(where.shape, dtype=np.int32)
         flat, flat_steps = where.reshape(-1), steps.reshape(-1)
-        # Repeated for as many rows as a block has: loops over three numbers would cost thrice.
-        rows = min(len(where), BLOCK)
-        origins, spacings = np.tile(self.grid.origin, rows), np.tile(self.grid.spacing, rows)
+        origins, spacings = _repeated(len(where), self.grid.origin, self.grid.spacing)
 
         def part(start: int, stop: int) -> None:
             # In this order of operations, which is part of what docs/algorithms promises.
-            size = 3 * (stop - start)
-            buffer = flat[3 * start : 3 * stop] - origins[:size]
+            span, size = slice(3 * start, 3 * stop), 3 * (stop - start)
+            buffer = flat[span] - origins[:size]
             buffer /= spacings[:size]
             buffer -= 0.5
             buffer *= 2.0**self.bits
             np.rint(buffer, out=buffer)
-            flat_steps[3 * start : 3 * stop] = buffer
+            flat_steps[span] = buffer
 
         in_blocks(part, len(where))
         return steps
+
+
+def _repeated(rows: int, *triples: ArrayLike) -> list[NDArray[np.float64]]:
+    """Each triple again and again, for as many rows as are worked on at a time.
+
+    Then one loop runs over a block of rows; one over three numbers for each row costs thrice.
+    """
+    return [np.tile(np.asarray(each, np.float64), min(rows, BLOCK)) for each in triples]
 
 
 def _plain(value: object) -> object:

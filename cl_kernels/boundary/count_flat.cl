@@ -6,6 +6,7 @@
  * Tests:      tests/kernels/test_boundary.py
  * Defines:    RUN  triangles per work-item
  */
+#include "boundary/flat.h"
 
 /* One work-item counts RUN triangles.
  * faces: (m, 3) int32, vertices: (n, 3) int32, on the lattice.  counts: (ceil(m / RUN),) uint32. */
@@ -18,13 +19,9 @@ __kernel void count_flat(
     uint count = 0;
     for (ulong triangle = start; triangle < min(start + RUN, n); ++triangle) {
         const int3 a = vload3((ulong)faces[3 * triangle], vertices);
-        const int3 b = vload3((ulong)faces[3 * triangle + 1], vertices) - a;
-        const int3 c = vload3((ulong)faces[3 * triangle + 2], vertices) - a;
-        /* Differences are below 2^24 and products below 2^48; what differs in its low 32 bits
-         * differs, and few triangles agree there. */
-        if ((uint)b.y * (uint)c.z != (uint)b.z * (uint)c.y) continue;
-        count += (long)b.y * c.z == (long)b.z * c.y && (long)b.z * c.x == (long)b.x * c.z
-              && (long)b.x * c.y == (long)b.y * c.x;
+        const int3 b = vload3((ulong)faces[3 * triangle + 1], vertices);
+        const int3 c = vload3((ulong)faces[3 * triangle + 2], vertices);
+        count += is_flat(b - a, c - a);
     }
     counts[get_global_id(0)] = count;
 }

@@ -23,6 +23,7 @@
 #endif
 
 #include "common/tiles.h"
+#include "boundary/flat.h"
 #include "boundary/overlap.h"
 
 /* The columns of a row, from the first on, that meet the triangle's shadow. */
@@ -77,14 +78,16 @@ static void mark_layer(
     }
 }
 
-/* All cells that one triangle touches; or false if its columns are too many. */
+/* All cells that one triangle touches; or false if its columns are too many.  `flat` grows by one
+ * if it has no area. */
 static bool mark_triangle(
-    Sink *sink, const int3 grid, const __global int *faces, const __global int *vertices,
-    const ulong triangle)
+    Sink *sink, uint *flat, const int3 grid, const __global int *faces,
+    const __global int *vertices, const ulong triangle)
 {
     const int3 a = corner_of(vertices, faces[3 * triangle]);
     const int3 b = corner_of(vertices, faces[3 * triangle + 1]);
     const int3 c = corner_of(vertices, faces[3 * triangle + 2]);
+    *flat += is_flat(b - a, c - a);
     const int3 low = min(min(a, b), c);
     const int3 high = max(max(a, b), c);
     const int3 first_cell = first_cell_of(low);
@@ -121,7 +124,8 @@ static bool mark_triangle(
  * puts on the list.
  * grid: shape of the grid of cells (x, y, z).
  * faces: (m, 3) int32, vertices: (n, 3) int32, on the lattice.
- * listed: (1,) uint32, length of the list, zero before the first launch.
+ * listed: (2,) uint32, length of the list and number of triangles without area, zero before the
+ * first launch.
  * list: (m,) uint32, triangle numbers in no particular order. */
 __kernel VISIT_HINT void mark_direct(
     const ulong first, const ulong last, const int4 grid,
@@ -130,10 +134,12 @@ __kernel VISIT_HINT void mark_direct(
 {
     const ulong start = first + get_global_id(0) * RUN;
     Sink sink = MAKE_SINK(grid);
+    uint flat = 0;
     for (ulong triangle = start; triangle < min(start + RUN, last); ++triangle)
-        if (!mark_triangle(&sink, grid.xyz, faces, vertices, triangle))
+        if (!mark_triangle(&sink, &flat, grid.xyz, faces, vertices, triangle))
             list[atomic_inc(listed)] = (uint)triangle;
     finish(&sink);
+    if (flat) atomic_add(listed + 1, flat);
 }
 
 static inline int rows_of(const Solid *s, const int4 box)

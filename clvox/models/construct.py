@@ -78,7 +78,7 @@ def construct(
         repeated=surface.repeated,
         duplicates=surface.duplicates,
         cancelled=surface.cancelled,
-        collapsed=build.collapsed or 0,
+        collapsed=build.collapsed,
         odd_rays=build.odd_rays,
         lattice_bits=lattice.bits,
         peak_nbytes=job.peak_nbytes,
@@ -106,7 +106,7 @@ class _Build:
     sent: SentMesh
     told: Told
     seconds: dict[str, float]
-    collapsed: int | None = None
+    collapsed: int = 0
     odd_rays: int = 0
     disagreements: int = 0
 
@@ -148,8 +148,6 @@ class _Build:
         """Let the mesh take *spare* bytes, from now on."""
         with self._stage("upload"):
             self.sent.fit(spare)
-            if self.collapsed is None:
-                self.collapsed = boundary.count_flat(self.session, self.sent.facets)
 
     # Cells
 
@@ -162,7 +160,9 @@ class _Build:
         self._send(self.room.require(result))
         with self._stage("mark"):
             part = self.told.part(0, 0.5)
-            marks = boundary.mark_cells(*self.mesh, self.shape, sides, progress=part)
+            marks, self.collapsed = boundary.mark_and_count(
+                *self.mesh, self.shape, sides, progress=part
+            )
         with self._stage("rank"):
             cells = rank_cells(self.session, marks, self.levels[0], self.levels[1])
         if len(self.levels) == 2:
@@ -228,6 +228,8 @@ class _Build:
         nx, ny, nz = self.shape
         words, winding = words_for(nx), WINDINGS.get(self.fill)
         list_bytes = self._share(self.room.require(result, 4 * nz * words))
+        with self._stage("upload"):
+            self.collapsed = boundary.count_flat(self.session, self.sent.facets)
         with self._stage("clear"):
             voxels = self.session.zeros((nz, ny, words), np.uint32)
             beyond = self.session.zeros((nz, words), np.uint32)
@@ -263,5 +265,7 @@ class _Build:
         self._send(self.room.require(result))
         with self._stage("mark"):
             part = self.told.part(0, 1)
-            marks = boundary.mark_cells(*self.mesh, self.shape, (1, 1, 1), progress=part)
+            marks, self.collapsed = boundary.mark_and_count(
+                *self.mesh, self.shape, (1, 1, 1), progress=part
+            )
         return VoxelArrays(self.shape, marks)

@@ -37,12 +37,29 @@ def mark_cells(
 
     The result is (Nz, Ny, words) uint32, bits along x: *marks*, if given, added to.
     """
+    space = session, facets, bits, shape, brick
+    return mark_and_count(*space, marks, progress=progress, direct=direct, tile=tile)[0]
+
+
+def mark_and_count(
+    session: Session,
+    facets: Mesh,
+    bits: int,
+    shape: Shape,
+    brick: Shape,
+    marks: cla.Array | None = None,
+    *,
+    progress: Progress | None = None,
+    direct: int = DIRECT,
+    tile: int = TILE,
+) -> tuple[cla.Array, int]:
+    """Return what `mark_cells` does, and the number of triangles without area on the lattice."""
     cells = cell_shape(shape, brick)
     if marks is None:
         marks = session.zeros((cells[2], cells[1], words_for(cells[0])), np.uint32)
     defines = _defines(bits, brick, _CELLS, direct, tile)
-    visit_facets(session, _FILE, "mark", facets, int4(cells), (marks,), defines, progress)
-    return marks
+    flat = visit_facets(session, _FILE, "mark", facets, int4(cells), (marks,), defines, progress)
+    return marks, flat
 
 
 def mark_voxels(

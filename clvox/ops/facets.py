@@ -123,7 +123,7 @@ def visit_facets(
     progress: Progress | None = None,
     *,
     tiled: dict[str, int] | None = None,
-) -> None:
+) -> int:
     """Run the kernels `verb`_direct, count_tiles and `verb`_tiles of *file* over all triangles.
 
     Parameters
@@ -138,16 +138,22 @@ def visit_facets(
         What the kernels for tiles are built with instead, where that differs.
     progress : callable, optional
         Told of triangles done; with it, each launch is waited for.
+
+    Returns
+    -------
+    int
+        The triangles without area, if the kernel `verb`_direct counts them.
     """
-    count, start = facets.triangles, 0
+    count, start, flat = facets.triangles, 0, 0
     for number in range(facets.parts):
         part = facets.part(session, number)
         size = part.triangles
         told = None if progress is None else partial(_tell_part, progress, start, count)
-        _visit_part(session, file, verb, part, space, sink, defines, tiled or {}, told)
+        flat += _visit_part(session, file, verb, part, space, sink, defines, tiled or {}, told)
         start += size
         # Before the next part takes memory.
         del part
+    return flat
 
 
 def _tell_part(progress: Progress, start: int, count: int, done: int, _: int) -> None:
@@ -165,13 +171,13 @@ def _visit_part(
     defines: dict[str, int],
     tiled: dict[str, int],
     progress: Progress | None,
-) -> None:
+) -> int:
     vertices, faces = facets
     count = faces.shape[0]
     if count == 0:
-        return
+        return 0
     defines = defines | {"RUN": RUN}
-    listed = session.zeros(1, np.uint32)
+    listed = session.zeros(2, np.uint32)
     entries = session.empty(count, np.uint32)
     direct = session.kernel(file, f"{verb}_direct", **defines)
     for first, last in _launches(count, TRIANGLES_PER_LAUNCH):
@@ -184,9 +190,9 @@ def _visit_part(
         if progress is not None:
             session.finish()
             progress(last, count)
-    large = listed.get()[0]
+    large, flat = listed.get()
     if large == 0:
-        return
+        return int(flat)
     tiles = session.empty(int(large), np.uint32)
     defines = defines | tiled
     count_tiles = session.kernel(file, "count_tiles", **defines)
@@ -202,6 +208,7 @@ def _visit_part(
         if progress is not None:
             session.finish()
             progress(count, count)
+    return int(flat)
 
 
 def _launches(count: int, most: int) -> Iterator[tuple[int, int]]:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from clvox.device.source import read_source
 from clvox.grid import Shape
-from clvox.ops.boundary import count_flat, mark_cells, mark_voxels
+from clvox.ops.boundary import count_flat, mark_and_count, mark_cells, mark_voxels
 from clvox.ops.facets import RUN
 from clvox.ops.layout import cell_shape
 from clvox.ops.multilevel import rank_cells
@@ -184,7 +184,9 @@ def test_flat_triangles_are_counted(session: Session, triangles: int) -> None:
             [s - t for s, t in zip(corner, a, strict=True)] for corner in (b, c)
         )
         expected += (py * qz, pz * qx, px * qy) == (pz * qy, px * qz, py * qx)
-    assert count_flat(session, facets_of(session, (vertices, kept))) == expected
+    facets = facets_of(session, (vertices, kept))
+    assert count_flat(session, facets) == expected
+    assert mark_and_count(session, facets, 8, SMALL, (8, 8, 8))[1] == expected
     assert triangles < 2 or 0 < expected < triangles
 
 
@@ -193,7 +195,9 @@ def test_triangles_that_are_nearly_flat_are_not_counted(session: Session) -> Non
     far = 2**24 - 1
     vertices = np.array([[0, 0, 0], [far, far - 1, 0], [far - 1, far - 2, 0], [2, 2, 2]])
     faces = np.array([[0, 1, 2], [1, 2, 0], [0, 3, 3]], dtype=np.int32)
-    assert count_flat(session, facets_of(session, (vertices, faces))) == 1
+    facets = facets_of(session, (vertices, faces))
+    assert count_flat(session, facets) == 1
+    assert mark_and_count(session, facets, 8, SMALL, (1, 1, 1))[1] == 1
 
 
 SIGNS = """

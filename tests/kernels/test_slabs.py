@@ -17,7 +17,7 @@ from clvox.errors import OutOfMemoryError
 from clvox.grid import Shape
 from clvox.models.memory import cut_slabs, slab_nbytes
 from clvox.ops import crossings, fill
-from clvox.ops.boundary import count_flat, mark_cells, mark_voxels
+from clvox.ops.boundary import count_flat, mark_and_count, mark_cells, mark_voxels
 from clvox.ops.facets import FacetChunks, Facets, upload_facets
 from clvox.ops.fill import Winding
 from clvox.ops.layout import Bricks, Cells, Slab, cell_shape
@@ -173,6 +173,7 @@ def test_flat_triangles_of_parts(session: Session) -> None:
     mesh = join(adversarial_meshes(5, 12, BITS, SHAPE))
     flat = count_flat(session, whole(session, mesh))
     assert flat == count_flat(session, chunks(mesh, 5)) > 0
+    assert flat == mark_and_count(session, chunks(mesh, 5), BITS, SHAPE, (4, 4, 4))[1]
 
 
 def test_progress_of_parts_is_that_of_the_whole(session: Session) -> None:
