@@ -25,6 +25,7 @@ import clvox
 from benchmarks import frames as pictures
 from benchmarks import peers
 from benchmarks.dexels import dexels
+from benchmarks.milling import dexel_boolean, milling
 from clvox.bench import Contestant, Result, compare, meshes
 from clvox.bench.streaming import compare_with_copy
 from clvox.device import Session
@@ -277,8 +278,8 @@ def frames(plan: Plan) -> Iterator[Result]:
 CASES: dict[str, Case] = {
     case.__name__: case
     for case in (
-        *(solid, levels, balance, update, boolean, mesh, dexels, scan, contains, streaming),
-        frames,
+        *(solid, levels, balance, update, boolean, mesh, dexels, dexel_boolean, milling, scan),
+        *(contains, streaming, frames),
     )
 }
 """All cases, by name."""

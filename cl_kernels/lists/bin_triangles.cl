@@ -4,7 +4,7 @@
  * A tile is SIDE by SIDE rays.  Triangles are counted per tile, the counts scanned, and the numbers
  * of the triangles written, in no particular order: what is made of them is sorted.
  *
- * Host:       clvox/ops/lists.py, bin_triangles()
+ * Host:       clvox/ops/bins.py, bin_triangles()
  * Reference:  clvox/reference/lists.py, list_crossings()
  * Tests:      tests/kernels/test_lists.py
  * Defines:    AXIS       axis of the rays: 0, 1 or 2
@@ -41,20 +41,21 @@ static inline void put(BINS_PARAMETERS, const uint tile, const uint triangle)
 #endif
 }
 
-/* The tiles (first u, first v, last u, last v) of the triangle's box. */
-static inline int4 tiles_below(const int4 box)
+/* The tiles (first u, first v, last u, last v) of the triangle's box, which is in the window. */
+static inline int4 tiles_below(const int4 box, const int4 window)
 {
-    return (int4)(box.x / SIDE, box.y / SIDE, box.z / SIDE, box.w / SIDE);
+    return (int4)((box.x - window.x) / SIDE, (box.y - window.y) / SIDE,
+                  (box.z - window.x) / SIDE, (box.w - window.y) / SIDE);
 }
 
 /* Number of a tile; tiles are numbered along v first. */
 static inline uint tile_number(const int4 window, const int u, const int v)
 {
-    return (uint)u * (uint)(window.w / SIDE + 1) + (uint)v;
+    return (uint)u * (uint)((window.w - window.y) / SIDE + 1) + (uint)v;
 }
 
 /* One work-item does RUN triangles in a row, those of few tiles; the others it lists.
- * window: the rays, from (0, 0) on.  The rest as for cast_direct. */
+ * window: the rays.  The rest as for cast_direct. */
 __kernel void bin_direct(
     const ulong first, const ulong last, const int4 window,
     const __global int *restrict faces, const __global int *restrict vertices,
@@ -65,7 +66,7 @@ __kernel void bin_direct(
         const Facet f = load_facet(faces, vertices, triangle);
         const int4 box = ray_box(f, window);
         if (f.area == 0 || box_is_empty(box)) continue;
-        const int4 tiles = tiles_below(box);
+        const int4 tiles = tiles_below(box, window);
         if ((long)(tiles.z - tiles.x + 1) * (tiles.w - tiles.y + 1) > DIRECT) {
             list[atomic_inc(listed)] = (uint)triangle;
             continue;
@@ -85,7 +86,8 @@ __kernel void count_tiles(
 {
     const uint id = get_global_id(0);
     if (id >= entries) return;
-    const int4 below = tiles_below(ray_box(load_facet(faces, vertices, list[id]), window));
+    const int4 box = ray_box(load_facet(faces, vertices, list[id]), window);
+    const int4 below = tiles_below(box, window);
     tiles[id] = (uint)(below.z - below.x + 1) * (uint)(below.w - below.y + 1);
 }
 
@@ -98,7 +100,8 @@ __kernel void bin_tiles(
     const ulong pair = first + get_global_id(0);
     if (pair >= last) return;
     const uint item = entry_of(offsets, entries, pair);
-    const int4 below = tiles_below(ray_box(load_facet(faces, vertices, list[item]), window));
+    const int4 box = ray_box(load_facet(faces, vertices, list[item]), window);
+    const int4 below = tiles_below(box, window);
     ulong number = pair - offsets[item];
     const int v = below.y + take_place(&number, below.w - below.y + 1);
     put(BINS, tile_number(window, below.x + (int)number, v), list[item]);

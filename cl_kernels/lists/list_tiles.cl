@@ -4,7 +4,8 @@
  * A tile's counts lie in local memory and its part of the lists in a cache, so that each crossing
  * costs no trip to memory.  First the crossings are counted, per ray and per row of a tile; the
  * rows are scanned, in the order of the rays; then the crossings are written, and each ray's
- * sorted.
+ * sorted.  Where memory is short, tiles of one window of the rays are done after those of another,
+ * and the triangles of a window in parts.
  *
  * Host:       clvox/ops/lists.py, list_crossings()
  * Reference:  clvox/reference/lists.py, list_crossings()
@@ -16,12 +17,16 @@
  *             SIDE           rays along the side of a tile
  *             SHORT          longest row of crossings that one work-item sorts
  *             GROUP          work-items that do a tile; 1 does without atomic operations
+ *             MORE           1 to count triangles after others
+ *             NUMBERED       1 if triangles have other numbers than their places in `faces`
  */
 #include "common/index.h"
 #include "common/rays.h"
 
 #define COUNT 0
 #define EMIT 3
+#define FIRST 1
+#define LAST 2
 #define RAYS (SIDE * SIDE)
 
 /* Neighbours in a row of rays follow along `fast`: x before y before z. */
@@ -31,6 +36,16 @@
 #else
 #define FAST_OF(u, v) (u)
 #define SLOW_OF(u, v) (v)
+#endif
+
+#if NUMBERED
+#define NUMBERS_PARAMETER const __global uint *numbers,
+#define NUMBERS numbers,
+#define NUMBER_OF(triangle) numbers[triangle]
+#else
+#define NUMBERS_PARAMETER
+#define NUMBERS
+#define NUMBER_OF(triangle) (triangle)
 #endif
 
 #if GROUP == 1
@@ -93,15 +108,15 @@ static inline bool is_narrow(const Facet f)
 static inline int4 tile_window(const int4 window, const ulong tile)
 {
     ulong number = tile;
-    const int v = take_place(&number, window.w / SIDE + 1) * SIDE;
-    const int u = (int)number * SIDE;
+    const int v = window.y + take_place(&number, (window.w - window.y) / SIDE + 1) * SIDE;
+    const int u = window.x + (int)number * SIDE;
     return (int4)(u, v, min(u + SIDE - 1, window.z), min(v + SIDE - 1, window.w));
 }
 
 /* All crossings of the tile's rays with the tile's triangles, into the sink. */
 static inline void cast_tile(
     Sink *sink, const int4 rays, const __global int *faces, const __global int *vertices,
-    const __global uint *triangles, const ulong first, const ulong last)
+    NUMBERS_PARAMETER const __global uint *triangles, const ulong first, const ulong last)
 {
 #if SINK == EMIT
     Found found;
@@ -111,7 +126,7 @@ static inline void cast_tile(
         const Facet f = load_facet(faces, vertices, triangles[at]);
         const int4 box = ray_box(f, rays);
 #if SINK == EMIT
-        sink->side = triangles[at] << 1 | f.flipped;
+        sink->side = NUMBER_OF(triangles[at]) << 1 | f.flipped;
         if (is_narrow(f) && is_quick(f)) {
             rasterise_quick(sink, f, box);
         } else {
@@ -127,14 +142,21 @@ static inline void cast_tile(
 
 #if SINK == COUNT
 
+#if MORE
+#define ADD_TO(sum, found) ((sum) += (found))
+#else
+#define ADD_TO(sum, found) ((sum) = (found))
+#endif
+
 /* One group counts the crossings of one tile.
- * first, last: tiles.  window: all rays.  starts: (tiles + 1,) uint64, where each tile's entries of
- * `triangles` begin.
- * rows: (rays along slow, tiles along fast) uint32, crossings of each row of each tile, undefined
- * on entry.  offsets: per ray, takes its number of crossings for now. */
+ * first, last: tiles of the window.  window: rays from the first of a tile on.  along: all rays
+ * along fast.  part: as for write_tile.
+ * starts: (tiles + 1,) uint64, where each tile's entries of `triangles` begin.
+ * rows: (all rays along slow, tiles along fast) uint32, crossings of each row of each tile; and
+ * offsets: per ray, takes its number of crossings for now; undefined on entry unless MORE. */
 __kernel void count_tile(
-    const ulong first, const ulong last, const int4 window,
-    const __global int *restrict faces, const __global int *restrict vertices,
+    const ulong first, const ulong last, const int4 window, const int along, const int part,
+    const __global int *restrict faces, const __global int *restrict vertices, NUMBERS_PARAMETER
     const __global ulong *restrict starts, const __global uint *restrict triangles,
     __global uint *restrict rows, __global ulong *restrict offsets)
 {
@@ -148,21 +170,23 @@ __kernel void count_tile(
     sink.fast = FAST_OF(rays.x, rays.y);
     sink.slow = SLOW_OF(rays.x, rays.y);
     sink.next = next;
-    if (live) cast_tile(&sink, rays, faces, vertices, triangles, starts[tile], starts[tile + 1]);
+    if (live)
+        cast_tile(
+            &sink, rays, faces, vertices, NUMBERS triangles, starts[tile], starts[tile + 1]);
     barrier(CLK_LOCAL_MEM_FENCE);
     if (!live) return;
-    const int along = FAST_OF(window.z, window.w) + 1;
     const int count = FAST_OF(rays.z, rays.w) - sink.fast + 1;
     const int tiles_along = (along - 1) / SIDE + 1;
     for (int row = get_local_id(0); row <= SLOW_OF(rays.z, rays.w) - sink.slow; row += GROUP) {
         const ulong slow = sink.slow + row;
         __global ulong *counts = offsets + slow * along + sink.fast;
+        __global uint *in_row = rows + slow * tiles_along + sink.fast / SIDE;
         uint sum = 0;
         for (int ray = 0; ray < count; ++ray) {
-            counts[ray] = next[row * SIDE + ray];
+            ADD_TO(counts[ray], next[row * SIDE + ray]);
             sum += next[row * SIDE + ray];
         }
-        rows[slow * tiles_along + sink.fast / SIDE] = sum;
+        ADD_TO(*in_row, sum);
     }
 }
 
@@ -187,18 +211,21 @@ static inline void sort_row(__global int *depths, __global uint *sides, const ui
 }
 
 /* One group writes the crossings of one tile.
- * total: all crossings.  row_starts: (rows,) uint64, exclusive prefix sum of `rows`.
- * offsets: (rays + 1,) uint64, per ray from its number of crossings to where they begin; the last
- * entry, undefined on entry, takes the total.
+ * part: FIRST if no other triangles have been written before, and LAST if none come after.
+ * all_rays, total: of all windows, and crossings of theirs.
+ * row_starts: (rows,) uint64, exclusive prefix sum of `rows`.
+ * offsets: (all_rays + 1,) uint64, per ray from its number of crossings to where they begin, and
+ * between the parts to where those of the next are to go; the last entry, undefined on entry,
+ * takes the total.
  * depths: int32, sides: triangle * 2 + (1 if the ray goes in), undefined on entry.
  * found: (2,) uint32, zero on entry: rays with more than SHORT crossings, and the most of them;
  * they are not sorted.  list: their numbers; lengths: of crossings, in the same order, which is
  * none. */
 __kernel void write_tile(
-    const ulong first, const ulong last, const int4 window,
-    const __global int *restrict faces, const __global int *restrict vertices,
+    const ulong first, const ulong last, const int4 window, const int along, const int part,
+    const __global int *restrict faces, const __global int *restrict vertices, NUMBERS_PARAMETER
     const __global ulong *restrict starts, const __global uint *restrict triangles,
-    const ulong total, const __global ulong *restrict row_starts,
+    const ulong all_rays, const ulong total, const __global ulong *restrict row_starts,
     __global ulong *restrict offsets,
     __global int *depths, __global uint *sides,
     __global uint *found, __global ulong *restrict list, __global uint *restrict lengths)
@@ -215,35 +242,43 @@ __kernel void write_tile(
     sink.bases = bases;
     sink.depths = depths;
     sink.sides = sides;
-    const int along = FAST_OF(window.z, window.w) + 1;
     const int count = FAST_OF(rays.z, rays.w) - sink.fast + 1;
     const int height = SLOW_OF(rays.z, rays.w) - sink.slow + 1;
     const int tiles_along = (along - 1) / SIDE + 1;
     for (int row = get_local_id(0); live && row < height; row += GROUP) {
         const ulong slow = sink.slow + row;
-        __global ulong *counts = offsets + slow * along + sink.fast;
+        __global ulong *begins = offsets + slow * along + sink.fast;
         const ulong base = row_starts[slow * tiles_along + sink.fast / SIDE];
         uint place = 0;
-        for (int ray = 0; ray < count; ++ray) {
-            const uint length = (uint)counts[ray];
-            counts[ray] = base + place;
+        for (int ray = 0; (part & FIRST) && ray < count; ++ray) {
+            const uint length = (uint)begins[ray];
+            begins[ray] = base + place;
             next[row * SIDE + ray] = place;
             place += length;
         }
+        for (int ray = 0; !(part & FIRST) && ray < count; ++ray)
+            next[row * SIDE + ray] = (uint)(begins[ray] - base);
         bases[row] = base;
     }
-    if (tile == 0 && get_local_id(0) == 0)
-        offsets[(ulong)(window.z + 1) * (window.w + 1)] = total;
+    if (tile == 0 && get_local_id(0) == 0) offsets[all_rays] = total;
     barrier(CLK_LOCAL_MEM_FENCE);
-    if (live) cast_tile(&sink, rays, faces, vertices, triangles, starts[tile], starts[tile + 1]);
+    if (live)
+        cast_tile(
+            &sink, rays, faces, vertices, NUMBERS triangles, starts[tile], starts[tile + 1]);
     barrier(CLK_LOCAL_MEM_FENCE | CLK_GLOBAL_MEM_FENCE);
     if (!live) return;
     for (int ray = get_local_id(0); ray < height * SIDE; ray += GROUP) {
         const int row = ray / SIDE;
         const int at = ray - row * SIDE;
         if (at >= count) continue;
+        __global ulong *begins = offsets + (ulong)(sink.slow + row) * along + sink.fast;
+        if (!(part & LAST)) {
+            begins[at] = bases[row] + next[ray];
+            continue;
+        }
         /* What was counted up has come to where the next ray begins. */
         const uint begin = at ? next[ray - 1] : 0;
+        if (!(part & FIRST)) begins[at] = bases[row] + begin;
         const uint length = next[ray] - begin;
         if (length <= SHORT) {
             sort_row(depths + bases[row] + begin, sides + bases[row] + begin, length);

@@ -1,9 +1,11 @@
 """Solids as frozen values, and the verbs that make them."""
 
 from clvox.models.build import count_crossings, voxelize
+from clvox.models.cutter import Cutter
 from clvox.models.dexel_build import dexelize
-from clvox.models.dexels import DexelModel, DexelReport
-from clvox.models.milling import Cut, Cutter
+from clvox.models.dexel_report import DexelReport
+from clvox.models.dexels import DexelModel
+from clvox.models.milling import Cut
 from clvox.models.model_files import open_model as open  # noqa: A004 - as gzip.open, always with its module
 from clvox.models.report import Report
 from clvox.models.triple import TripleDexelModel

@@ -30,8 +30,8 @@ from clvox.ops import fill as fills
 from clvox.ops.facets import Mesh
 from clvox.ops.fill import Winding
 from clvox.ops.layout import Bricks, Cells, Slab, VoxelArrays, cell_shape, words_for
-from clvox.ops.lists import LIST_BYTES
 from clvox.ops.multilevel import Solid, carry, empty_solid, rank_cells
+from clvox.ops.sorting import LIST_BYTES
 
 if TYPE_CHECKING:
     import pyopencl.array as cla

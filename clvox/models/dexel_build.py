@@ -8,19 +8,16 @@ import numpy as np
 import trimesh
 from numpy.typing import ArrayLike, NDArray
 
-from clvox.device import DeviceLike, Session, open_session
+from clvox.device import DeviceLike, open_session
 from clvox.errors import GridError, MeshError
 from clvox.grid import Axis, Grid, Lattice
 from clvox.mesh import MeshLike, Surface, check
-from clvox.models.construct import timed
-from clvox.models.dexel_sources import Source, Sources
-from clvox.models.dexels import AXES, DexelModel, DexelReport
+from clvox.models.dexel_construct import construct_dexels
+from clvox.models.dexels import AXES, DexelModel
 from clvox.models.memory import find_budget
-from clvox.models.telling import Told, drawn
+from clvox.models.telling import drawn
 from clvox.models.triple import TripleDexelModel
-from clvox.ops import boundary
-from clvox.ops.facets import Progress, upload_facets
-from clvox.ops.lists import list_crossings
+from clvox.ops.facets import Progress
 from clvox.reference.fill import FillRule
 
 DexelAxis: TypeAlias = Literal["x", "y", "z", "xyz"]
@@ -92,8 +89,9 @@ def dexelize(
     lattice_bits, device
         As for `voxelize`.
     memory_budget : int, optional
-        Most bytes of device memory to take; by default what the device has.  The lists of an axis
-        are made in one piece: what does not fit is refused, and not done piece by piece.
+        Bytes of the device that the work may take at once, the result included; by default, most
+        of what the device has free.  With less, rays are done bundle by bundle and the mesh is sent
+        in parts; the result is the same.
     progress : bool or callable, optional
         True draws a bar; a function is called with (done, total) triangles.  An exception that it
         raises ends the work.
@@ -114,7 +112,8 @@ def dexelize(
         The grid's numbers make no sense, or mesh and grid together span more voxels than the
         lattice can tell apart; or there is no such *axis* or *fill*.
     DeviceError, OutOfMemoryError
-        There is no such device, or it has no room.
+        There is no such device; or the result does not fit into its memory or *memory_budget*, and
+        the message says what is needed and what would fit.
 
     References
     ----------
@@ -152,7 +151,7 @@ def dexelize(
     axes: list[Axis] = [name for name in AXES if name in axis]
     budget = find_budget(session, memory_budget)
     with drawn(progress=progress, verb="dexelize") as tell:
-        models = _build(session, surface, lattice, axes, fill, budget, tell)
+        models = construct_dexels(session, surface, lattice, axes, fill, budget, tell)
     return models[0] if len(models) == 1 else TripleDexelModel(*models)
 
 
@@ -205,49 +204,3 @@ def _matrix(transform: ArrayLike) -> NDArray[np.float64]:
             f"{matrix.shape}"
         )
     return matrix
-
-
-def _build(
-    session: Session,
-    surface: Surface,
-    lattice: Lattice,
-    axes: list[Axis],
-    fill: FillRule,
-    budget: int,
-    tell: Progress | None,
-) -> list[DexelModel]:
-    count = len(surface.faces)
-    first: dict[str, float] = {}
-    with timed(session, first, "snap"):
-        vertices = lattice.snap(surface.vertices)
-    sources = Sources((Source(count, surface),))
-    shape = lattice.grid.shape
-    models = []
-    told = Told(session, tell, len(axes) * count)
-    with session.job(budget, told.again) as job:
-        with timed(session, first, "upload"):
-            facets = upload_facets(session, vertices, surface.faces)
-            collapsed = boundary.count_flat(session, facets)
-        for number, axis in enumerate(axes):
-            seconds = dict(first)
-            with timed(session, seconds, "list"):
-                lists = list_crossings(session, facets, lattice.bits, shape, AXES.index(axis))
-            done = told.part(number / len(axes), (number + 1) / len(axes))
-            if done is not None:
-                done(count, count)
-            report = DexelReport(
-                device=str(session.device),
-                fill=fill,
-                seconds=seconds,
-                triangles=count,
-                repeated=surface.repeated,
-                duplicates=surface.duplicates,
-                cancelled=surface.cancelled,
-                collapsed=collapsed,
-                lattice_bits=lattice.bits,
-                peak_nbytes=job.peak_nbytes,
-                warnings=surface.warnings,
-            )
-            solid = fill, lattice.bits, lists
-            models.append(DexelModel(session, lattice.grid, axis, *solid, sources, report))
-    return models

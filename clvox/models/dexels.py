@@ -15,17 +15,22 @@ from clvox.device import Session, open_session
 from clvox.errors import GridError
 from clvox.grid import Axis, Grid, Lattice
 from clvox.models import archive, dexel_archive
+from clvox.models.cutter import Cutter
 from clvox.models.dexel_moments import Integrals
+from clvox.models.dexel_report import DexelReport
 from clvox.models.dexel_sources import Source, Sources
 from clvox.models.dexel_surface import move_vertices
 from clvox.models.levels import Levels, resolve_levels
-from clvox.models.milling import Cut, Cutter, Work, moves_of
+from clvox.models.memory import find_budget
+from clvox.models.milling import Cut, Work, moves_of
 from clvox.models.report import Report
+from clvox.models.telling import drawn
 from clvox.models.voxels import VoxelModel
 from clvox.ops import combine, dexel_measure, dexel_voxels, dexels
 from clvox.ops.combine import Operation
 from clvox.ops.crossings import fraction_bits
 from clvox.ops.dexels import Frame, Rule
+from clvox.ops.facets import Progress
 from clvox.ops.layout import VoxelArrays
 from clvox.ops.lists import CrossingLists
 
@@ -36,36 +41,6 @@ MOST_MESHES = 16
 
 _REPORTED = 100
 """Most triangles of odd rays that a report names."""
-
-
-@dataclass(frozen=True)
-class DexelReport(Report):
-    """How a dexel model was built, and what its rays are like.
-
-    Attributes besides those of `Report`, whose stages are snap, upload and list:
-
-    Attributes
-    ----------
-    crossings : int
-        Crossings of all rays; of a model made of others, ends of its pieces.
-    deepest : int
-        Most crossings of one ray.
-    deepest_ray : (int, int)
-        The first such ray, as an index into an array of the shape `DexelModel.rays_shape`.
-    thinnest : float
-        Length of the shortest piece; 0.0 if there is none.
-    thinnest_ray : (int, int) or None
-        The first ray that has such a piece.
-    odd_triangles : tuple of int
-        Triangles, a hundred at most, that odd rays cross; a closed mesh has no such rays.
-    """
-
-    crossings: int = 0
-    deepest: int = 0
-    deepest_ray: tuple[int, int] = (0, 0)
-    thinnest: float = 0.0
-    thinnest_ray: tuple[int, int] | None = None
-    odd_triangles: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -284,7 +259,14 @@ class DexelModel:
 
     # Milling
 
-    def cut(self, cutter: Cutter, path: ArrayLike) -> Cut:
+    def cut(
+        self,
+        cutter: Cutter,
+        path: ArrayLike,
+        *,
+        memory_budget: int | None = None,
+        progress: bool | Progress | None = None,
+    ) -> Cut:
         """Return what is left after a cutter has moved along a path, and what each move took.
 
         The rays must be along z, as the cutter's axis is.  Each move sweeps an exact volume, of
@@ -295,6 +277,12 @@ class DexelModel:
         cutter : Cutter
         path : (n + 1, 3) float64
             Where the tip of the cutter goes, on straight lines: n moves.
+        memory_budget : int, optional
+            Most bytes of the device that what is left may take; by default most of what is free.
+            The moves are worked out on the host, and take nothing there.
+        progress : bool or callable, optional
+            True draws a bar; a function is called with (done, total) moves.  An exception that it
+            raises ends the work.
 
         Returns
         -------
@@ -305,6 +293,8 @@ class DexelModel:
         GridError
             The rays are not along z, the cutter is no `Cutter`, or the path is not of finite
             points.
+        OutOfMemoryError
+            The device has no room for what is left.
 
         Examples
         --------
@@ -321,16 +311,15 @@ class DexelModel:
                 f"cutter must be a Cutter, got {cutter!r}. Make one with Cutter.flat, Cutter.ball "
                 "or Cutter.bull."
             )
-        work = Work.of(self.grid, self._frame, self._pieces)
-        took = [
-            work.cut(number, cutter, start, stop)
-            for number, (start, stop) in enumerate(moves_of(path))
-        ]
-        lengths = np.array(took, np.float64) * self._unit
-        sources = Sources((Source(len(took)),))
-        swept = self._with(work.rows(self._session), sources)
-        section = self.grid.spacing[0] * self.grid.spacing[1]
-        return Cut(self - swept, lengths[:, 0] * section, lengths[:, 1])
+        moves = list(moves_of(path))
+        budget = find_budget(self._session, memory_budget)
+        work = Work(self.grid, self._frame, self._pieces)
+        with drawn(progress=progress, verb="cut", unit="moves") as tell:
+            removed, engagement = work.cut_all(cutter, moves, tell)
+        sources, _ = self._sources.joined(Sources((Source(len(moves)),)))
+        with self._session.job(budget):
+            left = work.left(self._session, sources.starts[-2])
+            return Cut(self._with_used(left, sources), removed, engagement)
 
     def moved(self, transform: ArrayLike, *, grid: Grid | None = None) -> DexelModel:
         """Return the model moved, by way of its mesh: as if it were clamped anew.
@@ -567,11 +556,15 @@ class DexelModel:
         sources, renumbering = self._sources.joined(other._sources)
         pieces = self._pieces, other._pieces
         made = dexels.combine(session, frame, *pieces, operation, renumbering)
+        return self._with_used(made, sources)
+
+    def _with_used(self, pieces: CrossingLists, sources: Sources) -> DexelModel:
+        """A model that another one became; of many meshes it keeps those that have an end."""
         if len(sources.meshes) > max(MOST_MESHES, 2 * sources.kept):
-            used = dexels.used_meshes(session, made, sources.starts[:-1])
+            used = dexels.used_meshes(self._session, pieces, sources.starts[:-1])
             sources, renumbering = sources.only(used)
-            dexels.renumber(session, made, renumbering)
-        return self._with(made, sources)
+            dexels.renumber(self._session, pieces, renumbering)
+        return self._with(pieces, sources)
 
     def _with(self, pieces: CrossingLists, sources: Sources) -> DexelModel:
         """A model that another one became."""

@@ -152,13 +152,7 @@ class Room:
 
     def _advice(self, known: dict[str, int], room: int) -> str:
         """What would fit into *room* bytes; nothing if nothing would."""
-        factor = self._coarsening(self._expected() | known, room)
-        if factor is None:
-            return ""
-        widths = [_round_up(width * factor) for width in self.grid.spacing]
-        pitch = str(widths[0]) if len(set(widths)) == 1 else f"({', '.join(map(str, widths))})"
-        longest = math.floor(max(self.grid.shape) / factor)
-        return f"A pitch of {pitch}, about {longest} voxels along the longest side, would fit. "
+        return advice(self.grid, self._coarsening(self._expected() | known, room))
 
     def _coarsening(self, arrays: Mapping[str, int], room: int) -> float | None:
         """By how much wider voxels would do; None if none would.
@@ -167,7 +161,7 @@ class Room:
         """
         for power in range(1, 500):
             factor = 1.02**power
-            shape = _scaled(self.grid.shape, factor)
+            shape = scaled(self.grid.shape, factor)
             taken = top_nbytes(shape, self.levels)
             for name, nbytes in arrays.items():
                 taken.setdefault(name, math.ceil(_MARGIN * nbytes / factor**2))
@@ -209,13 +203,24 @@ def _face(bricks: tuple[Shape, ...]) -> float:
     return float(volume ** (2 / 3))
 
 
-def _scaled(shape: Shape, factor: float) -> Shape:
+def scaled(shape: Shape, factor: float) -> Shape:
+    """Return the shape of a grid whose voxels are wider."""
     x, y, z = (math.ceil(count / factor) for count in shape)
     return x, y, z
 
 
-def _round_up(width: float) -> float:
-    """Three significant digits that are not less."""
+def advice(grid: Grid, factor: float | None) -> str:
+    """Return words for voxels wider by a factor, that would do; none if none would."""
+    if factor is None:
+        return ""
+    widths = [round_up(width * factor) for width in grid.spacing]
+    pitch = str(widths[0]) if len(set(widths)) == 1 else f"({', '.join(map(str, widths))})"
+    longest = math.floor(max(grid.shape) / factor)
+    return f"A pitch of {pitch}, about {longest} voxels along the longest side, would fit. "
+
+
+def round_up(width: float) -> float:
+    """Return a number of three significant digits that is not less."""
     digits = 2 - math.floor(math.log10(width))
     return round(math.ceil(width * 10.0**digits) / 10.0**digits, max(digits, 0))
 

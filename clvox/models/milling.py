@@ -1,16 +1,17 @@
 """What a cutter that moves takes away from a dexel model: three axes, exact sweeps.
 
-The tool's axis is z, as are the rays.  The material that a straight move takes from a ray is
-all that is above the lowest place which the cutter's surface reaches there; that place has a
-formula, or is the root of a monotonous function.  It is computed on the host, in IEEE double, so it
-is the same for every device, and rounded up to the unit of depths.
+The tool's axis is z, as are the rays.  What a move takes from a ray is all above a place, rounded
+up to the unit of depths; so of each ray it is enough to know the lowest such place.
+
+Rays are kept by tiles.  A move looks only at tiles that it touches, and of those only at ones where
+the solid is higher than the move may reach down.
 """
 
 from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -19,123 +20,23 @@ from numpy.typing import ArrayLike, NDArray
 
 from clvox.errors import GridError
 from clvox.grid import Grid
-from clvox.ops.dexels import CAP, Frame
+from clvox.models.cutter import Cutter, Floats
+from clvox.ops.dexels import Frame
+from clvox.ops.facets import Progress
 from clvox.ops.lists import CrossingLists
 
 if TYPE_CHECKING:
     from clvox.device import Session
     from clvox.models.dexels import DexelModel
 
-_HALVINGS = 32
-"""An error of 2**-32 in the place where a function is lowest is one of 2**-64 in the function."""
+SIDE = 8
+"""Rays along the side of a tile."""
 
-Floats = NDArray[np.float64]
+TILES = 1 << 12
+"""Most tiles that are cut at once: what a move takes on the host is bounded."""
 
-
-@dataclass(frozen=True)
-class Cutter:
-    """A rotating tool about an axis along z; its shank is as wide as the tool and has no end.
-
-    Attributes
-    ----------
-    radius : float
-    corner : float
-        Radius of the rounding between bottom and side: 0 for a flat end mill, *radius* for a ball
-        end mill, between them a bull-nose.
-
-    Raises
-    ------
-    GridError
-        The radius is not positive and finite, or the corner not between 0 and the radius.
-    """
-
-    radius: float
-    corner: float = 0.0
-
-    def __post_init__(self) -> None:
-        if not 0 < self.radius < np.inf:
-            raise GridError(f"the radius of a cutter must be positive, got {self.radius}")
-        if not 0 <= self.corner <= self.radius:
-            raise GridError(
-                f"the corner of a cutter must be between 0 and its radius {self.radius}, got "
-                f"{self.corner}"
-            )
-
-    @classmethod
-    def flat(cls, radius: float) -> Cutter:
-        """Return a flat end mill."""
-        return cls(radius)
-
-    @classmethod
-    def ball(cls, radius: float) -> Cutter:
-        """Return a ball end mill."""
-        return cls(radius, radius)
-
-    @classmethod
-    def bull(cls, radius: float, corner: float) -> Cutter:
-        """Return a bull-nose end mill."""
-        return cls(radius, corner)
-
-    def profile(self, away: Floats) -> Floats:
-        """Return the height of the cutter's surface above its tip, *away* from the axis.
-
-        Beyond the radius there is no cutter, and the height is that at the radius.
-        """
-        over: Floats = np.clip(away - (self.radius - self.corner), 0.0, self.corner)
-        height: Floats = self.corner - np.sqrt((self.corner - over) * (self.corner + over))
-        return height
-
-    def lowest(self, start: Floats, stop: Floats, x: Floats, y: Floats) -> Floats:
-        """Return the lowest place that the cutter reaches above each point (x, y).
-
-        Its tip moves along a straight line from *start* to *stop*, (3,).  Infinite where it does
-        not come by.
-        """
-        found = np.full(x.shape, np.inf)
-        ahead: Floats = stop[:2] - start[:2]
-        length = float(np.hypot(*ahead))
-        if length == 0:
-            away = np.hypot(x - start[0], y - start[1])
-            near = away <= self.radius
-            found[near] = min(start[2], stop[2]) + self.profile(away[near])
-            return found
-        along = ((x - start[0]) * ahead[0] + (y - start[1]) * ahead[1]) / length
-        beside = ((y - start[1]) * ahead[0] - (x - start[0]) * ahead[1]) / length
-        reach = np.sqrt(np.maximum((self.radius - beside) * (self.radius + beside), 0.0))
-        # Where the tip is while the cutter is above the point.
-        first, last = np.maximum(0.0, along - reach), np.minimum(length, along + reach)
-        near = (np.abs(beside) <= self.radius) & (first <= last)
-        along, beside, reach = along[near], beside[near], reach[near]
-        slope = float(stop[2] - start[2]) / length
-        tip = np.clip(along + self._behind(slope, beside, reach), first[near], last[near])
-        height = start[2] + slope * tip
-        found[near] = height + self.profile(np.hypot(beside, tip - along))
-        return found
-
-    def _behind(self, slope: float, beside: Floats, reach: Floats) -> Floats:
-        """How far past a point, on an endless line, the tip is when the cutter is lowest there.
-
-        Between -reach and reach the height is a convex function of it, so on a part of the line
-        the lowest place is the nearest to this one.
-        """
-        if slope == 0:
-            return np.zeros(beside.shape)
-        if self.corner == 0:
-            return -float(np.sign(slope)) * reach
-        if self.corner == self.radius:
-            return -slope / math.sqrt(1 + slope * slope) * reach
-        flat = self.radius - self.corner
-        low, high = -reach, reach.copy()
-        for _ in range(_HALVINGS):
-            middle = (low + high) / 2
-            away = np.hypot(beside, middle)
-            over = np.clip(away - flat, 0.0, self.corner)
-            # The sign of slope + profile'(away) * middle / away, times what makes it finite.
-            rising = slope * np.sqrt((self.corner - over) * (self.corner + over))
-            up = rising + over * middle / np.where(away > 0, away, 1.0) > 0
-            high = np.where(up, middle, high)
-            low = np.where(up, low, middle)
-        return (low + high) / 2
+_ROUNDING = 1e-9
+"""Part of a length by which sums of floats may be wrong, and more: no tile is skipped for it."""
 
 
 @dataclass(frozen=True)
@@ -157,85 +58,191 @@ class Cut:
     engagement: Floats
 
 
-@dataclass
 class Work:
     """The rays while they are cut: the solid of each ends where the lowest cut begins.
 
-    offsets, depths: resolved ends on the host.
-    top: where the solid above has been cut away, per ray; move: which one did it, or -1.
+    Attributes
+    ----------
+    looked_at : int
+        Tiles that moves had to look into.
     """
 
-    grid: Grid
-    frame: Frame
-    offsets: NDArray[np.int64]
-    depths: NDArray[np.int64]
-    top: NDArray[np.int64]
-    move: NDArray[np.int64]
-
-    @classmethod
-    def of(cls, grid: Grid, frame: Frame, pieces: CrossingLists) -> Work:
-        """Return the rays of resolved pieces, uncut."""
-        top = np.full(frame.rays, int(frame.box[1]), np.int64)
-        offsets, depths = pieces.offsets.get(), pieces.depth.get()
-        move = np.full(frame.rays, -1, np.int64)
-        return cls(grid, frame, offsets.astype(np.int64), depths.astype(np.int64), top, move)
+    def __init__(self, grid: Grid, frame: Frame, pieces: CrossingLists) -> None:
+        """Begin with the rays of resolved pieces, uncut."""
+        self._grid = grid
+        self._frame = frame
+        self._offsets = pieces.offsets.get().astype(np.int64)
+        self._depths: NDArray[np.int32] = pieces.depth.get()
+        self._sides: NDArray[np.uint32] = pieces.side.get().view(np.uint32)
+        self.looked_at = 0
+        across = np.array(frame.across)
+        self._tiles = -(-across // SIDE)
+        # Depths of a ray without pieces: nothing can be lower.
+        self._nothing = np.iinfo(np.int32).min
+        begin, end = self._offsets[:-1], self._offsets[1:]
+        some = end > begin
+        first = np.full(frame.rays, self._nothing, np.int32)
+        first[some], last = self._depths[begin[some]], first.copy()
+        last[some] = self._depths[end[some] - 1]
+        # By tile and place in it: where the solid above has been cut away, at first where it ends;
+        # where it begins; and which move cut.
+        self._top, self._bottom = self._by_tiles(last), self._by_tiles(first)
+        self._move = np.full(self._top.shape, -1, np.int32)
+        # The highest place in a tile where there is anything to cut.
+        self._crest = self._top.max(axis=1)
 
     def cut(self, number: int, cutter: Cutter, start: Floats, stop: Floats) -> tuple[int, int]:
         """Take away what one move does; return the lengths it took, and the most from one ray."""
-        rays, x, y = self._near(cutter, start, stop)
-        low, high = (int(face) for face in self.frame.box)
-        lowest = cutter.lowest(start, stop, x, y)
-        depth = (lowest - self.grid.origin[2]) / self.grid.spacing[2] - 0.5
-        # Far outside of the box it does not matter where.
-        scaled = np.ceil(np.clip(depth, -1e8, 1e8) * (1 << self.frame.fraction_bits))
-        places = np.clip(scaled, low, high).astype(np.int64)
-        lower = places < self.top[rays]
-        rays, places = rays[lower], places[lower]
-        taken = self._below(rays, self.top[rays]) - self._below(rays, places)
-        self.top[rays], self.move[rays] = places, number
-        return int(taken.sum()), int(taken.max(initial=0))
+        total, most = 0, 0
+        tiles = self._touched(cutter, start, stop)
+        self.looked_at += len(tiles)
+        for at in range(0, len(tiles), TILES):
+            taken = self._cut_tiles(tiles[at : at + TILES], number, cutter, start, stop)
+            total, most = total + int(taken.sum()), max(most, int(taken.max(initial=0)))
+        return total, most
 
-    def rows(self, session: Session) -> CrossingLists:
-        """Return all that the moves swept, as pieces up to the face of the box."""
-        high = int(self.frame.box[1])
-        swept = self.top < high
-        counts = np.zeros(self.frame.rays + 1, np.uint64)
-        counts[1:] = np.cumsum(2 * swept)
-        depth = np.full(2 * int(swept.sum()), high, np.int32)
-        depth[::2] = self.top[swept]
-        side = np.full(len(depth), CAP << 1, np.uint32)
-        side[::2] = self.move[swept] << 1 | 1
-        arrays = [session.upload(array) for array in (counts, depth, side.view(np.int32))]
-        return CrossingLists(arrays[0], arrays[1], arrays[2], self.frame.fraction_bits)
+    def cut_all(
+        self, cutter: Cutter, moves: Sequence[tuple[Floats, Floats]], tell: Progress | None
+    ) -> tuple[Floats, Floats]:
+        """Take away what all moves do; return the volume that each took, and its deepest cut."""
+        took = []
+        for number, (start, stop) in enumerate(moves):
+            took.append(self.cut(number, cutter, start, stop))
+            if tell is not None:
+                tell(number + 1, len(moves))
+        width_x, width_y, width_z = self._grid.spacing
+        lengths = np.array(took, np.float64) * (width_z / (1 << self._frame.fraction_bits))
+        return lengths[:, 0] * (width_x * width_y), lengths[:, 1]
 
-    def _near(
-        self, cutter: Cutter, start: Floats, stop: Floats
-    ) -> tuple[NDArray[np.int64], Floats, Floats]:
-        """Rays that the move may touch, and where they are."""
-        spans, centers = [], []
+    def left(self, session: Session, first_triangle: int) -> CrossingLists:
+        """Return the ends of what is left, on the device.
+
+        first_triangle: the number of the first move, as that of a triangle.
+        """
+        counts = np.diff(self._offsets) // 2
+        rays = np.repeat(np.arange(self._frame.rays), counts)
+        top = self._by_rays(self._top)[rays]
+        depth, side = self._depths.reshape(-1, 2), self._sides.reshape(-1, 2)
+        kept, shorter = depth[:, 0] < top, depth[:, 1] > top
+        depth, side = depth.copy(), side.copy()
+        depth[shorter, 1] = top[shorter]
+        moves = self._by_rays(self._move)[rays[shorter]].astype(np.uint32)
+        side[shorter, 1] = (moves + np.uint32(first_triangle)) << np.uint32(1)
+        offsets = np.zeros(self._frame.rays + 1, np.uint64)
+        np.cumsum(2 * np.bincount(rays[kept], minlength=self._frame.rays), out=offsets[1:])
+        depths, sides = depth[kept].ravel(), side[kept].ravel().view(np.int32)
+        return CrossingLists(
+            session.upload(offsets),
+            session.upload(depths),
+            session.upload(sides),
+            self._frame.fraction_bits,
+        )
+
+    def _by_tiles(self, values: NDArray[np.int32]) -> NDArray[np.int32]:
+        """Values of the rays, by tile and place in it; nothing beyond the grid."""
+        along, across = self._frame.across
+        wide, high = (self._tiles * SIDE).tolist()
+        padded = np.full((high, wide), self._nothing, np.int32)
+        padded[:across, :along] = values.reshape(across, along)
+        tiles = padded.reshape(high // SIDE, SIDE, wide // SIDE, SIDE).swapaxes(1, 2)
+        return np.ascontiguousarray(tiles).reshape(-1, SIDE * SIDE)
+
+    def _by_rays(self, values: NDArray[np.int32]) -> NDArray[np.int32]:
+        """Values of tiles, by ray."""
+        along, across = self._frame.across
+        wide, high = self._tiles.tolist()
+        rows = values.reshape(high, wide, SIDE, SIDE).swapaxes(1, 2)
+        return rows.reshape(high * SIDE, wide * SIDE)[:across, :along].ravel()
+
+    def _touched(self, cutter: Cutter, start: Floats, stop: Floats) -> NDArray[np.intp]:
+        """Numbers of the tiles in which the move may cut anything."""
+        spans, middles = [], []
+        halves = [SIDE / 2 * float(self._grid.spacing[axis]) for axis in range(2)]
         for axis in range(2):
-            origin, width = self.grid.origin[axis], self.grid.spacing[axis]
-            ends = np.array([start[axis], stop[axis]])
-            low = (ends.min() - cutter.radius - origin) / width - 0.5
-            high = (ends.max() + cutter.radius - origin) / width - 0.5
-            count = self.grid.shape[axis]
-            first, last = np.clip([np.ceil(low), np.floor(high) + 1], 0, count).astype(int).tolist()
-            spans.append(np.arange(first, max(first, last)))
-            centers.append(origin + (spans[axis] + 0.5) * width)
-        rays = (spans[1][:, None] * self.grid.shape[0] + spans[0]).ravel()
-        x, y = np.meshgrid(centers[0], centers[1])
-        return rays, x.ravel(), y.ravel()
+            low = min(start[axis], stop[axis]) - cutter.radius - self._grid.origin[axis]
+            high = max(start[axis], stop[axis]) + cutter.radius - self._grid.origin[axis]
+            width, count = 2 * halves[axis], int(self._tiles[axis])
+            first = min(max(np.floor(low / width), 0), count)
+            last = min(max(np.floor(high / width) + 1, 0), count)
+            spans.append(np.arange(int(first), max(int(first), int(last))))
+            middles.append(self._grid.origin[axis] + (spans[axis] + 0.5) * width)
+        tiles = (spans[1][:, None] * self._tiles[0] + spans[0]).ravel()
+        # Cheapest first: where the solid is below all of the move, however long it is.
+        tiles_above = self._crest[tiles] > self._place(np.array(min(start[2], stop[2])))
+        x, y = np.meshgrid(*middles)
+        tiles, x, y = tiles[tiles_above], x.ravel()[tiles_above], y.ravel()[tiles_above]
+        reach = (cutter.radius + math.hypot(*halves)) * (1 + _ROUNDING)
+        near, lowest = _lowest_tip(start, stop, x, y, reach)
+        tiles = tiles[near]
+        found: NDArray[np.intp] = tiles[self._crest[tiles] > self._place(lowest[near])]
+        return found
 
-    def _below(self, rays: NDArray[np.int64], places: NDArray[np.int64]) -> NDArray[np.int64]:
+    def _place(self, height: Floats) -> NDArray[np.int32]:
+        """Depths of heights, rounded up, in the box."""
+        low, high = self._frame.box
+        depth = (height - self._grid.origin[2]) / self._grid.spacing[2] - 0.5
+        scaled = np.ceil(depth * (1 << self._frame.fraction_bits))
+        places: NDArray[np.int32] = np.minimum(np.maximum(scaled, low), high).astype(np.int32)
+        return places
+
+    def _cut_tiles(
+        self,
+        tiles: NDArray[np.intp],
+        number: int,
+        cutter: Cutter,
+        start: Floats,
+        stop: Floats,
+    ) -> NDArray[np.int64]:
+        """Cut the rays of tiles; return the length that each ray lost, of those that lost any."""
+        # Rays with nothing left need no look.
+        which, place = np.nonzero(self._top[tiles] > self._bottom[tiles])
+        tile = tiles[which]
+        row, column = np.divmod(tile, self._tiles[0])
+        i, j = column * SIDE + place % SIDE, row * SIDE + place // SIDE
+        centers: list[Floats] = [
+            np.asarray(self._grid.origin[axis] + (at + 0.5) * self._grid.spacing[axis], np.float64)
+            for axis, at in enumerate((i, j))
+        ]
+        places = self._place(cutter.lowest(start, stop, *centers))
+        before = self._top[tile, place]
+        lower = places < before
+        tile, place, places, before = tile[lower], place[lower], places[lower], before[lower]
+        rays = j[lower] * self._frame.across[0] + i[lower]
+        self._top[tile, place], self._move[tile, place] = places, number
+        tops = self._top[tiles]
+        self._crest[tiles] = np.where(tops > self._bottom[tiles], tops, self._nothing).max(axis=1)
+        return self._below(rays, before) - self._below(rays, places)
+
+    def _below(self, rays: NDArray[np.intp], places: NDArray[np.int32]) -> NDArray[np.int64]:
         """How much of each ray, uncut, is inside below a place."""
-        begin, end = self.offsets[rays], self.offsets[rays + 1]
+        begin, end = self._offsets[rays], self._offsets[rays + 1]
         total = np.zeros(len(rays), np.int64)
         for at in range(0, int((end - begin).max(initial=0)), 2):
             has = begin + at < end
             first = begin[has] + at
-            enter, leave = self.depths[first], self.depths[first + 1]
-            total[has] += np.clip(places[has], enter, leave) - enter
+            enter, leave = (self._depths[first + by].astype(np.int64) for by in range(2))
+            total[has] += np.minimum(np.maximum(places[has], enter), leave) - enter
         return total
+
+
+def _lowest_tip(
+    start: Floats, stop: Floats, x: Floats, y: Floats, reach: float
+) -> tuple[NDArray[np.bool_], Floats]:
+    """Return which points the tip comes within *reach* of, seen from above, and how low."""
+    ahead: Floats = stop[:2] - start[:2]
+    length = float(np.hypot(*ahead))
+    low = np.full(x.shape, min(float(start[2]), float(stop[2])))
+    if length == 0:
+        return np.hypot(x - start[0], y - start[1]) <= reach, low
+    along = ((x - start[0]) * ahead[0] + (y - start[1]) * ahead[1]) / length
+    beside = ((y - start[1]) * ahead[0] - (x - start[0]) * ahead[1]) / length
+    near = (np.abs(beside) <= reach) & (along >= -reach) & (along <= length + reach)
+    # The lower end of the part that is within reach.
+    slope = float(stop[2] - start[2]) / length
+    lowest = np.clip(along - np.copysign(reach, slope), 0.0, length)
+    # A rounding error less, for a sum of floats.
+    slack = _ROUNDING * (abs(float(start[2])) + abs(float(stop[2])))
+    return near, np.maximum(start[2] + slope * lowest - slack, low)
 
 
 def moves_of(path: ArrayLike) -> Iterator[tuple[Floats, Floats]]:

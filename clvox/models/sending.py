@@ -29,6 +29,13 @@ class SentMesh:
         self._faces = faces
         self.facets: Mesh = FacetChunks(vertices, faces, 1)
 
+    @property
+    def nbytes(self) -> int:
+        """Bytes that it takes on the device as long as nobody visits it."""
+        if not isinstance(self.facets, Facets):
+            return 0
+        return sum(self._session.size_of(array.nbytes) for array in self.facets)
+
     def fit(self, room: int) -> None:
         """Let the mesh, and what visiting it takes, be in *room* bytes."""
         size_of, largest = self._session.size_of, self._session.device.largest_allocation

@@ -41,14 +41,16 @@ class Told:
 
 
 @contextmanager
-def drawn(*, progress: bool | Progress | None, verb: str = "voxelize") -> Iterator[Progress | None]:
+def drawn(
+    *, progress: bool | Progress | None, verb: str = "voxelize", unit: str = "triangles"
+) -> Iterator[Progress | None]:
     """Whom to tell of progress: the caller's function, a bar, or nobody."""
     if not isinstance(progress, bool):
         yield progress
     elif not progress:
         yield None
     else:
-        with tqdm(unit=" triangles", unit_scale=True, desc=verb) as bar:
+        with tqdm(unit=f" {unit}", unit_scale=True, desc=verb) as bar:
 
             def tell(done: int, total: int) -> None:
                 bar.total = total

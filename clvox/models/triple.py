@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NoReturn
 
 import numpy as np
 import trimesh
@@ -15,9 +15,10 @@ from clvox.device import open_session
 from clvox.errors import FormatError, GridError
 from clvox.grid import Grid
 from clvox.models import archive, dexel_archive
+from clvox.models.dexel_report import DexelReport
 from clvox.models.dexel_sources import Sources
 from clvox.models.dexel_surface import move_vertices
-from clvox.models.dexels import AXES, DexelModel, DexelReport, from_rays
+from clvox.models.dexels import AXES, DexelModel, from_rays
 from clvox.models.levels import Levels
 from clvox.models.voxels import VoxelModel
 from clvox.ops import dexel_voxels
@@ -137,6 +138,19 @@ class TripleDexelModel:
         from clvox.models.dexel_build import remade
 
         return remade(self.to_mesh(), transform, grid or self.grid, self)
+
+    def cut(self, *_: object, **__: object) -> NoReturn:
+        """Refuse: a cutter's axis is z, and only rays along it are cut.
+
+        Raises
+        ------
+        GridError
+            Always; it says what to do instead.
+        """
+        raise GridError(
+            "rays along x and y cannot be cut, as a cutter's axis is z. Cut the bundle along z "
+            "(model.z.cut); a mesh of what is left, dexelized with axis='xyz', is a triple again."
+        )
 
     # Measures, of which the rays along each axis give one
 

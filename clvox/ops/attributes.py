@@ -15,9 +15,9 @@ from clvox.grid import Shape
 from clvox.ops.boundary import DIRECT, TILE
 from clvox.ops.facets import Facets, visit_facets
 from clvox.ops.layout import VoxelArrays, int4
-from clvox.ops.lists import sort_rows
 from clvox.ops.multilevel import rank_cells
 from clvox.ops.scan import prefix_sum
+from clvox.ops.sorting import sort_rows
 from clvox.reference.attributes import NO_NORMAL
 
 _SUMS, _LINKS, _LOOK_UP = (

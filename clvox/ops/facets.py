@@ -60,13 +60,21 @@ class Facets(NamedTuple):
 class FacetChunks:
     """A mesh on the lattice that stays on the host and is sent to the device part by part.
 
-    vertices: (n, 3) int32, lattice steps; faces: (m, 3) int32; most: triangles in a part.
+    vertices: (n, 3) int32, lattice steps; faces: (m, 3) int32; most: triangles in a part;
+    numbers: those of the triangles, (m,) uint32, if they are a part of a mesh.
     """
 
-    def __init__(self, vertices: NDArray[np.int32], faces: NDArray[np.int32], most: int) -> None:
+    def __init__(
+        self,
+        vertices: NDArray[np.int32],
+        faces: NDArray[np.int32],
+        most: int,
+        numbers: NDArray[np.uint32] | None = None,
+    ) -> None:
         self.vertices = vertices
         self.faces = faces
         self.most = most
+        self._numbers = numbers
 
     @property
     def triangles(self) -> int:
@@ -86,16 +94,26 @@ class FacetChunks:
             session, corners, np.arange(len(corners), dtype=np.int32).reshape(-1, 3)
         )
 
+    def numbers_in(self, number: int) -> NDArray[np.uint32]:
+        """Return the numbers of the triangles of part *number*, uint32."""
+        first, last = number * self.most, min((number + 1) * self.most, self.triangles)
+        if self._numbers is None:
+            return np.arange(first, last, dtype=np.uint32)
+        return self._numbers[first:last]
+
     def within(
         self, axes: list[int], low: NDArray[np.int64], high: NDArray[np.int64]
     ) -> FacetChunks:
         """The triangles whose boxes reach between *low* and *high*, both included, along *axes*."""
-        lowest, highest = self._boxes
-        reach = (lowest[:, axes] <= high) & (highest[:, axes] >= low)
-        return FacetChunks(self.vertices, self.faces[reach.all(axis=1)], self.most)
+        lowest, highest = self.boxes
+        reach = ((lowest[:, axes] <= high) & (highest[:, axes] >= low)).all(axis=1)
+        numbers = np.flatnonzero(reach).astype(np.uint32)
+        if self._numbers is not None:
+            numbers = self._numbers[numbers]
+        return FacetChunks(self.vertices, self.faces[reach], self.most, numbers)
 
     @cached_property
-    def _boxes(self) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+    def boxes(self) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
         """Lowest and highest corner of each triangle's box; (m, 3) each."""
         a, b, c = (self.vertices[self.faces[:, corner]] for corner in range(3))
         return np.minimum(np.minimum(a, b), c), np.maximum(np.maximum(a, b), c)

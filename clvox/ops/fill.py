@@ -13,7 +13,7 @@ from clvox.grid import Shape
 from clvox.ops.crossings import Window, fraction_bits
 from clvox.ops.facets import Mesh, Progress
 from clvox.ops.layout import Bricks, Cells, words_for
-from clvox.ops.lists import LIST_BYTES, sorted_windows
+from clvox.ops.sorting import LIST_BYTES, sorted_windows
 
 _FILE = "fill/flip_rule.cl"
 _DENSE, _BRICKS = 1, 2

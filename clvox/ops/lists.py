@@ -4,56 +4,33 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 import pyopencl.array as cla
 from numpy.typing import NDArray
 
 from clvox.device import GROUP, Session
+from clvox.device import session as sessions
 from clvox.device.session import Argument
 from clvox.grid import Shape
-from clvox.ops import crossings
-from clvox.ops.crossings import Window, fraction_bits, near
-from clvox.ops.facets import Facets, Mesh, visit_facets
+from clvox.ops import bins
+from clvox.ops.bins import Binner, Bins
+from clvox.ops.crossings import Window, fraction_bits
+from clvox.ops.facets import Mesh, Progress
 from clvox.ops.scan import prefix_sum
-
-SHORT = 32
-"""Longest row that one work-item sorts."""
-
-CROSSINGS_PER_LAUNCH = 1 << 22
-TILES_PER_LAUNCH = 1 << 12
-
-DIRECT = 16
-"""Most tiles of a triangle that one work-item does alone."""
+from clvox.ops.sorting import CROSSINGS_PER_LAUNCH, SHORT, sort_rows
 
 LARGEST_SIDE, SMALLEST_SIDE, MOST_TILES = 64, 8, 256
 """Rays along the side of a tile; a small bundle has smaller tiles, so that there are many."""
 
-LIST_BYTES = 1 << 28
-"""About how much of the lists of the rays of a grid is on the device at once."""
-
-_BYTES_PER_ENTRY = 32
-# A ray takes 4 + 8 bytes, a crossing 8, and 8 more while a long row is sorted; both together are
-# within the budget if either is within half of it.
+LEAST_TILES = 1 << 6
+"""So many tiles a launch may have in any case, since fewer would not keep a processor busy."""
 
 _COUNT, _EMIT = 0, 3
+_FIRST, _LAST = 1, 2
 
-
-class Rows(NamedTuple):
-    """The crossings of the rays of a window, as they are sorted.
-
-    window: the rays, along x, y or z; ray (u, v) has the number v * (rays along u) + u along x
-    and z, and u * (rays along v) + v along y.
-    offsets: (rays + 1,) uint64, where each ray's crossings begin.
-    crossings: int64, depth * 2**32 + triangle * 2 + (1 if the ray goes in); depth is fixed point in
-    voxels, rounded up; triangles of a mesh in parts are numbered within each part.  There may be
-    more entries than crossings.
-    """
-
-    window: Window
-    offsets: cla.Array
-    crossings: cla.Array
+_BYTES_PER_LONG = 18
+"""What a crossing takes while a row that no work-item can sort alone is sorted."""
 
 
 @dataclass(frozen=True)
@@ -103,90 +80,202 @@ class CrossingLists:
 
 def list_crossings(
     session: Session,
-    facets: Facets,
+    facets: Mesh,
     bits: int,
     shape: Shape,
     axis: int,
     *,
-    direct: int = DIRECT,
+    direct: int = bins.DIRECT,
     side: int | None = None,
     short: int = SHORT,
     group: int | None = None,
+    room: int | None = None,
 ) -> CrossingLists:
     """Return the crossings of every ray along *axis* of a grid of *shape* voxels.
 
     direct, side, short, group: most tiles of a triangle that one work-item does, rays along the
-    side of a tile, longest row that one work-item sorts, work-items to a tile.  The result does
-    not depend on them.
+    side of a tile, longest row that one work-item sorts, work-items to a tile.  room: bytes to work
+    in, if there is enough for one tile.  The result does not depend on them.
     """
-    window = Window.whole(shape, axis)
-    side = side or _side_of(window)
-    group = group or (1 if session.device.kind == "cpu" else GROUP)
-    starts, triangles = bin_triangles(session, facets, bits, axis, window, side, direct)
-    tiles = starts.size - 1
-    along, slow = sorted_sides(window, axis)
-    rows = session.empty(slow * -(-along // side), np.uint32)
-    offsets = session.empty(window.rays + 1, np.uint64)
-    defines = {"AXIS": axis, "STEP_BITS": bits, "FRACTION_BITS": fraction_bits(bits)}
-    defines |= {"SIDE": side, "SHORT": short, "GROUP": group}
-    inputs = facets.faces, facets.vertices, starts, triangles
-
-    def run(name: str, sink: int, work: int, *outputs: Argument) -> None:
-        # About what each of the work-items does, if all tiles are alike.
-        steps = -(-work // (tiles * group))
-        kernel = session.kernel("lists/list_tiles.cl", name, SINK=sink, **defines)
-        for first in range(0, tiles, TILES_PER_LAUNCH):
-            last = min(first + TILES_PER_LAUNCH, tiles)
-            span = np.uint64(first), np.uint64(last), window.box
-            items = (last - first) * group
-            session.run(kernel, items, *span, *inputs, *outputs, group=group, steps=steps)
-
-    looks = window.rays + triangles.size
-    run("count_tile", _COUNT, looks, rows, offsets)
-    row_starts, total = prefix_sum(session, rows, bits=64)
-    depth, sides = session.empty(total, np.int32), session.empty(total, np.int32)
-    room = max(1, min(window.rays, total // (short + 1)))
-    found = session.zeros(2, np.uint32)
-    listed, lengths = session.empty(room, np.uint64), session.zeros(room + 1, np.uint32)
-    lists, long_rows = (offsets, depth, sides), (found, listed, lengths)
-    run("write_tile", _EMIT, looks + total, np.uint64(total), row_starts, *lists, *long_rows)
-    if total:
-        _sort_long(session, lists, int(found.get()[0]), listed, lengths, short)
-    return CrossingLists(offsets, depth, sides, fraction_bits(bits))
+    listing = Listing(session, bits, shape, axis, direct, side, short, group)
+    listing.count(facets, room)
+    return listing.write(facets, room)
 
 
-def bin_triangles(
-    session: Session,
-    facets: Facets,
-    bits: int,
-    axis: int,
-    window: Window,
-    side: int,
-    direct: int = DIRECT,
-) -> tuple[cla.Array, cla.Array]:
-    """Return the triangles that each tile of *side* by *side* rays may meet.
+class Listing:
+    """Lists in the making: first counted, by which the size of the result is known, then written.
 
-    Returns
-    -------
-    starts : (tiles + 1,) uint64
-        Where the triangles of each tile begin; tiles are numbered along v first.
-    triangles : uint32
-        In no particular order within a tile.
+    Attributes
+    ----------
+    total : int
+        Crossings of all rays, once they are counted.
     """
-    tiles = -(-window.sides[0] // side) * -(-window.sides[1] // side)
-    counts = session.zeros(tiles + 1, np.uint32)
-    defines = {"AXIS": axis, "STEP_BITS": bits, "SIDE": side, "DIRECT": direct}
-    file = "lists/bin_triangles.cl"
-    visit_facets(session, file, "bin", facets, window.box, (counts,), defines | {"PASS": 0})
-    starts, pairs = prefix_sum(session, counts, bits=64)
-    triangles = session.empty(pairs, np.uint32)
-    if pairs:
-        bins = starts, counts, triangles
-        visit_facets(session, file, "bin", facets, window.box, bins, defines | {"PASS": 1})
-    return starts, triangles
+
+    def __init__(
+        self,
+        session: Session,
+        bits: int,
+        shape: Shape,
+        axis: int,
+        direct: int = bins.DIRECT,
+        side: int | None = None,
+        short: int = SHORT,
+        group: int | None = None,
+    ) -> None:
+        self._session = session
+        self._bits = bits
+        self._axis = axis
+        self._window = Window.whole(shape, axis)
+        self._direct = direct
+        self._side = side or _side_of(self._window)
+        self._short = short
+        self._group = group or (1 if session.device.kind == "cpu" else GROUP)
+        self._along, slow = _sorted_sides(self._window, axis)
+        self._offsets = session.empty(self._window.rays + 1, np.uint64)
+        self._row_counts = slow * -(-self._along // self._side)
+        self._kept: Bins | None = None
+        self.total = 0
+
+    @staticmethod
+    def nbytes_of(session: Session, shape: Shape, axis: int) -> tuple[int, int]:
+        """Return the bytes of a bundle's offsets, and of what counting takes beside them."""
+        window = Window.whole(shape, axis)
+        along, slow = _sorted_sides(window, axis)
+        rows = slow * -(-along // _side_of(window))
+        # Counts, their sums, and sums of many.
+        return 8 * (window.rays + 1), sum(session.size_of(size * rows) for size in (4, 8, 1))
+
+    @property
+    def work_nbytes(self) -> int:
+        """Bytes that writing takes beside the result and the bins, once all are counted."""
+        room = self._room_for_long
+        sizes = 8 * self._row_counts, 8 * room, 4 * (room + 1)
+        return sum(map(self._session.size_of, sizes))
+
+    @property
+    def list_nbytes(self) -> int:
+        """Bytes that writing allocates beside the bins."""
+        room = self._room_for_long
+        sizes = 4 * self.total, 4 * self.total, 8 * room, 4 * (room + 1)
+        return sum(map(self._session.size_of, sizes))
+
+    def count(self, mesh: Mesh, room: int | None = None, progress: Progress | None = None) -> None:
+        """Count the crossings of each ray; bins may take *room* bytes."""
+        done = _Done(self._window, progress)
+        rows = self._session.empty(self._row_counts, np.uint32)
+
+        def visit(found: Bins) -> None:
+            self._run("count_tile", _COUNT, found, (rows, self._offsets), done)
+            if found.first and found.last and found.window == self._window:
+                self._kept = found
+
+        self._binner(mesh, room).visit(self._window, visit)
+        self._row_starts, self.total = prefix_sum(self._session, rows, bits=64)
+
+    @property
+    def keeps_bins(self) -> bool:
+        """Whether the bins of all rays that were counted are there still."""
+        return self._kept is not None
+
+    def forget(self) -> None:
+        """Give back the bins of the rays that were counted, to make them again."""
+        self._kept = None
+
+    def write(
+        self, mesh: Mesh, room: int | None = None, progress: Progress | None = None
+    ) -> CrossingLists:
+        """Return the lists; bins, and then long rows, may take *room* bytes."""
+        session, done = self._session, _Done(self._window, progress)
+        depth, sides = session.empty(self.total, np.int32), session.empty(self.total, np.int32)
+        found = session.zeros(2, np.uint32)
+        listed = session.empty(self._room_for_long, np.uint64)
+        lengths = session.zeros(self._room_for_long + 1, np.uint32)
+        lists = self._offsets, depth, sides
+        ends = np.uint64(self._window.rays), np.uint64(self.total)
+        outputs = *ends, self._row_starts, *lists, found, listed, lengths
+
+        def visit(bins: Bins) -> None:
+            self._run("write_tile", _EMIT, bins, outputs, done)
+
+        kept, self._kept = self._kept, None
+        if kept is None:
+            self._binner(mesh, room).visit(self._window, visit)
+        else:
+            visit(kept)
+            del kept
+        entries = int(found.get()[0]) if self.total else 0
+        _sort_long(session, lists, entries, listed, lengths, self._short, room)
+        return CrossingLists(*lists, fraction_bits(self._bits))
+
+    @property
+    def _room_for_long(self) -> int:
+        """Most rows that no work-item can sort alone."""
+        return max(1, min(self._window.rays, self.total // (self._short + 1)))
+
+    def _binner(self, mesh: Mesh, room: int | None) -> Binner:
+        how = self._bits, self._axis, self._side, self._direct
+        return Binner(self._session, mesh, *how, room)
+
+    def _run(
+        self,
+        name: str,
+        sink: int,
+        bins: Bins,
+        outputs: tuple[Argument, ...],
+        done: _Done,
+    ) -> None:
+        """Run a kernel for all tiles of a window."""
+        defines = {"AXIS": self._axis, "STEP_BITS": self._bits, "SIDE": self._side}
+        defines |= {"FRACTION_BITS": fraction_bits(self._bits), "SINK": sink}
+        defines |= {"SHORT": self._short, "GROUP": self._group}
+        numbers = () if bins.numbers is None else (bins.numbers,)
+        # What is written has a place already, whatever came before.
+        defines |= {"NUMBERED": len(numbers), "MORE": int(sink == _COUNT and not bins.first)}
+        kernel = self._session.kernel("lists/list_tiles.cl", name, **defines)
+        mesh = bins.facets.faces, bins.facets.vertices, *numbers, bins.starts, bins.triangles
+        part = np.int32(_FIRST * bins.first + _LAST * bins.last)
+        for first, last in self._launches(bins):
+            span = np.uint64(first), np.uint64(last), bins.window.box, np.int32(self._along), part
+            items = (last - first) * self._group
+            self._session.run(kernel, items, *span, *mesh, *outputs, group=self._group)
+            if bins.last:
+                rays, tiles = bins.window.rays, bins.starts.size - 1
+                done.add(rays * last // tiles - rays * first // tiles)
+
+    def _launches(self, bins: Bins) -> Iterator[tuple[int, int]]:
+        """Cut the tiles into spans, each of about as many steps as a launch may have."""
+        starts = bins.starts.get().astype(np.int64)
+        # A triangle costs its share of the rays of its tiles, more or less, and a tile its rays.
+        share = 4 * bins.window.rays // max(bins.facets.triangles, 1) + 8
+        steps = np.minimum(share, self._side**2) * starts
+        steps += self._side**2 * np.arange(len(starts))
+        filling = sessions.ITEMS_PER_LAUNCH // self._group
+        least = LEAST_TILES if self._group == 1 else max(LEAST_TILES, filling)
+        first, tiles = 0, len(starts) - 1
+        while first < tiles:
+            enough = (
+                int(np.searchsorted(steps, steps[first] + sessions.STEPS_PER_LAUNCH, "right")) - 1
+            )
+            last = min(max(enough, first + least), tiles)
+            yield first, last
+            first = last
 
 
-def sorted_sides(window: Window, axis: int) -> tuple[int, int]:
+class _Done:
+    """How many rays are done, and who is told."""
+
+    def __init__(self, window: Window, progress: Progress | None) -> None:
+        self._rays = window.rays
+        self._done = 0
+        self._progress = progress
+
+    def add(self, rays: int) -> None:
+        self._done += rays
+        if self._progress is not None:
+            self._progress(min(self._done, self._rays), self._rays)
+
+
+def _sorted_sides(window: Window, axis: int) -> tuple[int, int]:
     """Rays along the axis in which neighbours follow, and along the other one."""
     along_u, along_v = window.sides
     return (along_v, along_u) if axis == 1 else (along_u, along_v)
@@ -207,12 +296,38 @@ def _sort_long(
     listed: cla.Array,
     lengths: cla.Array,
     short: int,
+    room: int | None,
 ) -> None:
-    """Sort the rows on the list, which no work-item could sort alone, by way of a copy."""
+    """Sort the rows on the list, which no work-item could sort alone, by way of copies.
+
+    As many at a time as there is room for, but one at least.
+    """
     if not entries:
         return
-    # The entry after the last is zero, so that its sum is where the last row ends.
-    starts, total = prefix_sum(session, lengths[: entries + 1], bits=64)
+    rays, counts = listed[:entries].get(), lengths[:entries].get()
+    ends = np.cumsum(counts, dtype=np.int64)
+    first = 0
+    while first < entries:
+        start = ends[first - 1] if first else 0
+        most = ends[-1] if room is None else start + room // _BYTES_PER_LONG
+        last = max(int(np.searchsorted(ends, most, side="right")), first + 1)
+        _sort_some(session, lists, rays[first:last], counts[first:last], short)
+        first = last
+
+
+def _sort_some(
+    session: Session,
+    lists: tuple[cla.Array, cla.Array, cla.Array],
+    rays: NDArray[np.uint64],
+    counts: NDArray[np.uint32],
+    short: int,
+) -> None:
+    """Sort the rows of some rays, which have so many crossings."""
+    entries = len(rays)
+    places = np.zeros(entries + 1, np.uint64)
+    np.cumsum(counts, out=places[1:])
+    total = int(places[-1])
+    listed, starts = session.upload(rays), session.upload(places)
     rows = session.empty(total, np.int64)
 
     def move(back: int) -> None:
@@ -221,93 +336,9 @@ def _sort_long(
         for first in range(0, total, CROSSINGS_PER_LAUNCH):
             last = min(first + CROSSINGS_PER_LAUNCH, total)
             span = np.uint64(first), np.uint64(last), np.uint32(entries)
-            places = offsets, listed, starts
-            session.run(kernel, last - first, *span, *places, depth, side, rows)
+            ends = offsets, listed, starts
+            session.run(kernel, last - first, *span, *ends, depth, side, rows)
 
     move(0)
     sort_rows(session, starts, rows, short=short)
     move(1)
-
-
-def sort_crossings(
-    session: Session,
-    facets: Mesh,
-    bits: int,
-    axis: int,
-    window: Window,
-    most: int | None = None,
-    *,
-    direct: int = crossings.DIRECT,
-    tile: int = crossings.TILE,
-    short: int = SHORT,
-) -> Rows | None:
-    """Return the crossings of the rays of *window* in order; None if there are more than *most*.
-
-    Two passes over the triangles: one counts, one writes.
-    """
-    # One count more than there are rays, so that the last offset is the end of the last row.
-    counts = session.zeros(window.rays + 1, np.uint32)
-    crossings.add_counts(session, facets, bits, axis, window, counts, direct=direct, tile=tile)
-    offsets, total = prefix_sum(session, counts, bits=64)
-    if most is not None and total > most:
-        return None
-    rows = session.empty(total, np.int64)
-    if total:
-        crossings.emit_crossings(
-            session, facets, bits, axis, window, offsets, counts, rows, direct=direct, tile=tile
-        )
-        sort_rows(session, offsets, rows, short=short)
-    return Rows(window, offsets, rows)
-
-
-def sorted_windows(
-    session: Session, facets: Mesh, bits: int, whole: Window, list_bytes: int, depth: int = 0
-) -> Iterator[Rows]:
-    """The crossings of all rays along y, as many rays at a time as *list_bytes* allow.
-
-    One ray alone is listed whatever it takes; or, with *depth*, as many layers of rays, which
-    are then cut nowhere else.
-    """
-    most = list_bytes // _BYTES_PER_ENTRY
-    waiting = [whole]
-    while waiting:
-        window = waiting.pop()
-        halves = window.layers(depth) if depth else window.halves()
-        rows = None
-        if not halves or window.rays <= most:
-            mesh, limit = near(facets, bits, 1, window), most if halves else None
-            rows = sort_crossings(session, mesh, bits, 1, window, limit)
-        if rows is None:
-            waiting += reversed(halves)
-        else:
-            yield rows
-
-
-def sort_rows(session: Session, offsets: cla.Array, rows: cla.Array, *, short: int = SHORT) -> None:
-    """Sort each row of *rows*, int64, in place; offsets: (rows + 1,) uint64."""
-    rays = offsets.size - 1
-    room = max(1, min(rays, rows.size // (short + 1)))
-    found = session.zeros(2, np.uint32)
-    listed = session.empty(room, np.uint64)
-    lengths = session.empty(room, np.uint32)
-    kernel = session.kernel("lists/sort_rows.cl", "sort_short", SHORT=short)
-    long = found, listed, lengths
-    session.run(kernel, rays, np.uint64(rays), offsets, rows, *long, steps=short)
-    entries, longest = found.get().tolist()
-    if not entries:
-        return
-    starts, total = prefix_sum(session, lengths[:entries], bits=64)
-    scratch = session.empty(total, np.int64)
-    kernel = session.kernel("lists/sort_rows.cl", "merge_runs", SHORT=short)
-    # An even number of passes, so that the last one writes where the first one read.
-    passes = (longest - 1).bit_length()
-    for number in range(passes + passes % 2):
-        forth = np.int32(number % 2 == 0)
-        for first in range(0, total, CROSSINGS_PER_LAUNCH):
-            last = min(first + CROSSINGS_PER_LAUNCH, total)
-            session.run(
-                kernel,
-                last - first,
-                *(np.uint64(first), np.uint64(last), np.uint32(entries), forth),
-                *(np.uint32(1 << number), offsets, listed, starts, rows, scratch),
-            )

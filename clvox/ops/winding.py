@@ -17,9 +17,9 @@ from clvox.ops.combine import rebrick
 from clvox.ops.crossings import Window, fraction_bits
 from clvox.ops.facets import Facets, Mesh, Progress, upload_facets
 from clvox.ops.layout import Cells, VoxelArrays, cell_shape, int4, words_for
-from clvox.ops.lists import LIST_BYTES, sort_crossings, sorted_windows
 from clvox.ops.multilevel import BITS, list_bricks, rank_cells
 from clvox.ops.parity import mark_tree, with_boundary
+from clvox.ops.sorting import LIST_BYTES, sort_crossings, sorted_windows
 
 BRICK = (8, 8, 8)
 """Cells in which a dense grid is decided."""

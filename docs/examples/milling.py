@@ -1,7 +1,8 @@
 """Mill a part's outline out of its blank: moves, what they take, and pictures.
 
-    python milling.py [--moves 100] [--resolution 80] [--out milling.png]
+    python milling.py [part.stl] [--moves 100] [--resolution 80] [--out milling.png]
 
+Without a part it is one of NIST's: from the folder CLVOX_DATA, or the one that comes with clvox.
 The blank is the box around the part.  A ball end mill goes over it in lines, level by level, and
 never below the part: the tip follows the highest place of the part below the cutter.  Then what is
 left is turned ten times by a tenth of a turn, by way of its mesh, and compared with where it began.
@@ -10,13 +11,23 @@ left is turned ten times by a tenth of a turn, by way of its mesh, and compared 
 from __future__ import annotations
 
 import argparse
+import os
 import time
+from importlib.resources import files
+from pathlib import Path
 
 import numpy as np
 import trimesh
 from PIL import Image
 
 import clvox
+
+
+def default_part() -> Path:
+    """A part of NIST's: a larger one, if there is one."""
+    larger = Path(os.environ.get("CLVOX_DATA", ""), "parts", "nist_machined_part_pmi2_28k.stl.gz")
+    shipped = Path(str(files("clvox") / "demo" / "nist_bracket_plate_pmi1_5k.stl"))
+    return larger if larger.is_file() else shipped
 
 
 def path_over(part: clvox.DexelModel, cutter: clvox.Cutter, moves: int) -> np.ndarray:
@@ -30,15 +41,15 @@ def path_over(part: clvox.DexelModel, cutter: clvox.Cutter, moves: int) -> np.nd
     heights = heights.reshape(part.rays_shape)
     lines = max(2, round(np.sqrt(moves / 4)))
     stops = max(2, moves // lines)
+    spacing = (high[1] - low[1]) / (lines - 1)
     points = []
     for number, y in enumerate(np.linspace(low[1], high[1], lines)):
         xs = np.linspace(low[0], high[0], stops)[:: -1 if number % 2 else 1]
         for x in xs:
             ahead = (high[0] - low[0]) / (stops - 1) + cutter.radius
-            i, j = (
-                np.array([x - ahead, x + ahead]),
-                np.array([y - cutter.radius, y + cutter.radius]),
-            )
+            # At the end of a line the next move goes to the next line.
+            beside = cutter.radius + (spacing if x in (xs[0], xs[-1]) else 0.0)
+            i, j = np.array([x - ahead, x + ahead]), np.array([y - beside, y + beside])
             i = np.clip((i - low[0]) / grid.spacing[0], 0, grid.shape[0]).astype(int)
             j = np.clip((j - low[1]) / grid.spacing[1], 0, grid.shape[1]).astype(int)
             below = heights[j[0] : j[1] + 1, i[0] : i[1] + 1]
@@ -54,7 +65,7 @@ def picture(model: clvox.DexelModel) -> Image.Image:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.split("\n", maxsplit=1)[0])
-    parser.add_argument("mesh", nargs="?", default="part.stl")
+    parser.add_argument("mesh", nargs="?", default=default_part())
     parser.add_argument("--moves", type=int, default=100)
     parser.add_argument("--resolution", type=int, default=80)
     parser.add_argument("--out", default="milling.png")

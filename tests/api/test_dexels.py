@@ -19,6 +19,7 @@ from clvox.grid import Axis
 from clvox.models import archive
 from clvox.models.dexels import MOST_MESHES
 from clvox.models.levels import Levels
+from clvox.models.memory import LEAST_WORK
 from clvox.ops.lists import CrossingLists
 from clvox.reference.fill import FillRule
 from tests.strategies import SOLIDS, adversarial_meshes
@@ -441,12 +442,11 @@ def test_odd_rays_are_told_with_their_triangles() -> None:
 def test_a_budget_is_kept_or_refused() -> None:
     model = dexelize(PARTS[0], "x")
     held = model.nbytes
-    needed = model.report.peak_nbytes
-    assert held < needed
-    same = clvox.dexelize(PARTS[0], grid=GRID, axis="x", lattice_bits=12, memory_budget=needed)
-    assert same == model
+    assert held < model.report.peak_nbytes
+    options: Any = {"grid": GRID, "axis": "x", "lattice_bits": 12}
+    assert clvox.dexelize(PARTS[0], **options, memory_budget=2 * LEAST_WORK) == model
     with pytest.raises(clvox.OutOfMemoryError):
-        clvox.dexelize(PARTS[0], grid=GRID, axis="x", lattice_bits=12, memory_budget=needed // 2)
+        clvox.dexelize(PARTS[0], **options, memory_budget=LEAST_WORK)
 
 
 def test_work_may_be_ended_early() -> None:

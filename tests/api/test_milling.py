@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import gc
+import itertools
+
 import numpy as np
 import pytest
 import trimesh
@@ -9,6 +12,8 @@ from numpy.typing import NDArray
 
 import clvox
 from clvox import Cutter, DexelModel, Grid, GridError
+from clvox.device import Session
+from clvox.models.milling import SIDE, Work
 
 Floats = NDArray[np.float64]
 
@@ -113,6 +118,86 @@ def test_rays_end_where_the_cutter_was_lowest(cutter: Cutter) -> None:
             assert mine.tolist() == theirs.tolist()
 
 
+@every_cutter
+def test_tiles_that_are_skipped_change_nothing(cutter: Cutter) -> None:
+    """Each ray ends at the lowest of all places, each worked out for all rays."""
+    model = block()
+    rng = np.random.default_rng(9)
+    path = np.column_stack([rng.uniform(-7, 7, (60, 2)), rng.uniform(-2.5, 2, 60)])
+    path[5:9, :2] = path[5, :2]
+    path[20:30, 2] = path[20, 2]
+    i, j = np.tile(np.arange(48), 50), np.repeat(np.arange(50), 48)
+    x, y = GRID.centers(np.stack([i, j, 0 * i], axis=1)).T[:2]
+    lowest = np.full(len(x), np.inf)
+    for start, stop in itertools.pairwise(path):
+        lowest = np.minimum(lowest, cutter.lowest(start, stop, x, y))
+    top = np.ceil(((lowest - GRID.origin[2]) / GRID.spacing[2] - 0.5) * 2**18)
+    offsets = model._pieces.offsets.get().astype(np.int64)
+    ends = model._pieces.depth.get().astype(np.int64).reshape(-1, 2)
+    rays = np.repeat(np.arange(len(x)), np.diff(offsets) // 2)
+    kept = ends[:, 0] < top[rays]
+    left = np.minimum(ends, top[rays][:, None]).astype(np.int64)[kept]
+    cut = model.cut(cutter, path).model
+    np.testing.assert_array_equal(cut.fixed_depths, left.ravel())
+    np.testing.assert_array_equal(
+        np.diff(cut.offsets.astype(int)), 2 * np.bincount(rays[kept], minlength=len(x))
+    )
+
+
+def test_moves_look_only_at_tiles_with_something_to_cut() -> None:
+    """Not at those of the box around a move, nor where the solid is below, or cut away already."""
+    model = clvox.dexelize(trimesh.creation.box((120.0, 120.0, 4.0)), pitch=1.0)
+    work = Work(model.grid, model._frame, model._pieces)
+
+    def looked(radius: float, *path: tuple[float, float, float]) -> int:
+        before = work.looked_at
+        start, stop = (np.array(end, dtype=np.float64) for end in path)
+        work.cut(0, Cutter.ball(radius), start, stop)
+        return work.looked_at - before
+
+    assert (120 // SIDE) ** 2 == 225
+    assert looked(2, (-50, -50, 3), (50, 50, 2.5)) == 0
+    assert 13 <= looked(2, (-50, -50, 0), (50, 50, 0)) <= 45
+    assert looked(2, (-70, 0, 0), (-64, 0, 0)) == 0
+    # In the last quarter the tip is lower than the solid is high.
+    assert 4 <= looked(2, (-60, 30, 8), (60, 30, 0)) <= 8
+    through = (-50.0, 20.0, -30.0), (50.0, 20.0, -30.0)
+    first = looked(12, *through)
+    # What is left there is around what has gone.
+    assert 0 < looked(12, *through) < 0.7 * first
+
+
+def test_work_is_told_of_and_can_be_ended(session: Session) -> None:
+    model, path = block(), np.random.default_rng(2).uniform(-1, 1, (12, 3))
+    told: list[tuple[int, int]] = []
+    whole = model.cut(CUTTERS[0], path, progress=lambda *now: told.append(now))
+    assert told == [(n, 11) for n in range(1, 12)]
+    gc.collect()
+    before = session.nbytes
+
+    def stop(done: int, _: int) -> None:
+        if done == 5:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        model.cut(CUTTERS[0], path, progress=stop)
+    assert session.nbytes == before
+    assert model.cut(CUTTERS[0], path, progress=True).model == whole.model
+
+
+def test_what_is_left_is_within_the_budget_or_refused(session: Session) -> None:
+    model, path = block(), [(-5, -3, 1), (5, -3, 1)]
+    whole = model.cut(CUTTERS[0], path)
+    gc.collect()
+    before = session.nbytes
+    with pytest.raises(clvox.OutOfMemoryError, match="bytes more are needed"):
+        model.cut(CUTTERS[0], path, memory_budget=whole.model.nbytes // 2)
+    assert session.nbytes == before
+    enough = whole.model.nbytes * 17 // 16
+    assert model.cut(CUTTERS[0], path, memory_budget=enough).model == whole.model
+    assert model.volume > whole.model.volume
+
+
 def test_ends_name_the_move_that_made_them() -> None:
     moves = [(-5, -3, 1), (5, -3, 1), (5, -3, 3), (5, 3, 3), (5, 3, 0.5), (-5, 3, 0.5)]
     cut = block().cut(Cutter.flat(0.6), moves)
@@ -139,6 +224,9 @@ def test_what_makes_no_sense_is_refused() -> None:
         model.cut("ball", [(0, 0, 0), (1, 1, 1)])  # type: ignore[arg-type]
     with pytest.raises(GridError, match="finite"):
         model.cut(CUTTERS[0], [(0, 0, np.nan), (1, 1, 1)])
+    triple = clvox.dexelize(trimesh.creation.box(), resolution=8, axis="xyz")
+    with pytest.raises(GridError, match=r"Cut the bundle along z \(model.z.cut\)"):
+        triple.cut(CUTTERS[0], [(0, 0, 0), (1, 1, 1)])
     sideways = clvox.dexelize(trimesh.creation.box(), resolution=8, axis="x")
     with pytest.raises(GridError, match="rays must be along z, got x"):
         sideways.cut(CUTTERS[0], [(0, 0, 0), (1, 1, 1)])

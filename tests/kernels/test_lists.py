@@ -13,9 +13,12 @@ from numpy.typing import NDArray
 
 from clvox.device import session as sessions
 from clvox.grid import Axis, Shape
+from clvox.ops import lists
+from clvox.ops.bins import Binner, Bins
 from clvox.ops.crossings import Window, fraction_bits
-from clvox.ops.facets import Facets, upload_facets
-from clvox.ops.lists import CrossingLists, list_crossings, sort_crossings, sort_rows
+from clvox.ops.facets import FacetChunks, Facets, upload_facets
+from clvox.ops.lists import CrossingLists, list_crossings
+from clvox.ops.sorting import sort_crossings, sort_rows
 from clvox.reference import lists as twin
 from clvox.reference.crossings import AXES, crossings
 from tests.kernels.cases import INTERPRETED, meshes_for, some
@@ -134,9 +137,53 @@ def test_many_triangles_to_a_tile_are_cut_into_launches(
     monkeypatch.setattr(cl, "enqueue_nd_range_kernel", note)
     monkeypatch.setattr(sessions, "STEPS_PER_LAUNCH", 120)
     monkeypatch.setattr(sessions, "ITEMS_PER_LAUNCH", 64)
+    monkeypatch.setattr(lists, "LEAST_TILES", 1)
     assert_same(list_crossings(session, facets, 8, SHAPE, 2, side=1, group=4), expected)
-    # Thirty tiles, of which one launch could have all if they had a step of work each.
+    # Thirty tiles: sixteen are enough to fill a device, and more would have too many steps.
     assert launches == {"count_tile": [64, 56], "write_tile": [64, 56]}
+
+
+@every_axis
+@pytest.mark.parametrize("most, room", [(None, 1), (None, 250), (3, 1), (3, 200), (10**6, 10**6)])
+def test_parts_and_windows_change_nothing(
+    session: Session, axis: Axis, most: int | None, room: int
+) -> None:
+    """A mesh that is sent in parts, and rays that are done window by window."""
+    for mesh in meshes_for(8, 6, 9, SHAPE):
+        corners, faces = mesh[0].astype(np.int32), mesh[1]
+        facets = upload(session, mesh) if most is None else FacetChunks(corners, faces, most)
+        expected = twin.list_crossings(*mesh, 9, SHAPE, axis, 16)
+        for group in (1, 4):
+            found = list_crossings(
+                session, facets, 9, SHAPE, AXES[axis], side=2, group=group, room=room
+            )
+            assert_same(found, expected)
+
+
+def test_little_room_cuts_windows_between_tiles(session: Session) -> None:
+    """Each has room for its bins or is one tile; and each part of the mesh comes once."""
+    (mesh,) = adversarial_meshes(8, 1, 9, SHAPE, families=["crumpled"])
+    corners, faces = mesh[0].astype(np.int32), mesh[1]
+    whole = Window.whole(SHAPE, 2)
+    chunks = FacetChunks(corners, faces, 5)
+    for room, few in ((10**6, 1), (220, 2), (1, 9)):
+        met: list[tuple[Window, bool, bool]] = []
+        numbers: dict[Window, list[int]] = {}
+
+        def note(bins: Bins) -> None:
+            met.append((bins.window, bins.first, bins.last))  # noqa: B023
+            assert bins.numbers is not None
+            numbers.setdefault(bins.window, []).extend(bins.numbers.get().tolist())  # noqa: B023
+            tiles = bins.starts.size - 1
+            assert tiles == 1 or 12 * (tiles + 1) + 4 * bins.triangles.size <= room  # noqa: B023
+
+        Binner(session, chunks, 9, 2, 2, room=room).visit(whole, note)
+        windows = {window for window, _, _ in met}
+        assert len(windows) >= few
+        assert sum(window.rays for window in windows) == whole.rays
+        assert sum(first for _, first, _ in met) == sum(last for *_, last in met) == len(windows)
+        assert all(window.first_u % 2 == window.first_v % 2 == 0 for window in windows)
+        assert all(found == sorted(set(found)) for found in numbers.values())
 
 
 @every_axis
@@ -203,6 +250,9 @@ def test_a_long_row_of_a_mesh_is_in_order(session: Session) -> None:
     mesh = join(sheets)
     shape: Shape = (2, 101, 1)
     found = list_crossings(session, upload(session, mesh), 7, shape, 1, short=32)
+    assert_same(found, twin.list_crossings(*mesh, 7, shape, "y", 14))
+    # Two rays, one after the other.
+    found = list_crossings(session, upload(session, mesh), 7, shape, 1, short=32, room=18 * 200)
     assert_same(found, twin.list_crossings(*mesh, 7, shape, "y", 14))
 
 

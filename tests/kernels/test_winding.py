@@ -16,7 +16,7 @@ from clvox.grid import Shape, Triple
 from clvox.ops.caps import close_rim
 from clvox.ops.facets import upload_facets
 from clvox.ops.layout import cell_shape
-from clvox.ops.lists import LIST_BYTES
+from clvox.ops.sorting import LIST_BYTES
 from clvox.ops.winding import MIXED, Rim, classify_cells, fill_winding, upload_rim
 from clvox.reference import fill as reference
 from clvox.reference.winding import samples, winding_numbers
