@@ -27,6 +27,9 @@ MIN_BITS = 7
 MAX_SHAPE = MAX_SPAN >> MIN_BITS
 """Most voxels along an axis: more could not be told apart on the coarsest lattice."""
 
+MAX_SIDE = MAX_SHAPE - 1
+"""Most voxels along an axis of a grid: its mesh may round outwards by half a step at either end."""
+
 
 @dataclass(frozen=True)
 class Grid:
@@ -60,8 +63,8 @@ class Grid:
         object.__setattr__(self, "shape", _integers("shape", shape))
         if min(self.spacing) <= 0:
             raise GridError(f"spacing must be positive, got {self.spacing}")
-        if min(self.shape) < 1 or max(self.shape) > MAX_SHAPE:
-            raise GridError(f"shape must be between 1 and {MAX_SHAPE} voxels, got {self.shape}")
+        if min(self.shape) < 1 or max(self.shape) > MAX_SIDE:
+            raise GridError(f"shape must be between 1 and {MAX_SIDE} voxels, got {self.shape}")
         if not np.isfinite(self.bounds).all():
             raise GridError(
                 f"the far corner of the grid overflows: origin {self.origin}, "
@@ -100,8 +103,8 @@ class Grid:
             raise GridError("give either resolution= (voxels along the longest side) or pitch=")
         if resolution is not None:
             (count,) = _integers("resolution", [resolution], size=1)
-            if not 1 <= count <= MAX_SHAPE:
-                raise GridError(f"resolution must be between 1 and {MAX_SHAPE}, got {count}")
+            if not 1 <= count <= MAX_SIDE:
+                raise GridError(f"resolution must be between 1 and {MAX_SIDE}, got {count}")
             if extent.max() <= 0:
                 raise GridError(f"the mesh has no extent: it is the one point {tuple(low)}")
             spacing = np.full(3, extent.max() / count)
@@ -113,10 +116,10 @@ class Grid:
                 raise GridError(f"pitch must be positive, got {_plain(pitch)}")
         with np.errstate(over="ignore"):
             sides = np.maximum(np.ceil(extent / spacing - 1e-9), 1)
-        if sides.max() > MAX_SHAPE:
+        if sides.max() > MAX_SIDE:
             raise GridError(
                 f"pitch {_plain(pitch)} cuts an extent of {extent.max():g} into {sides.max():g} "
-                f"voxels; at most {MAX_SHAPE} can be told apart. Use a coarser pitch."
+                f"voxels; at most {MAX_SIDE} can be told apart. Use a coarser pitch."
             )
         origin = (low + high) / 2 - sides * spacing / 2
         return cls(origin, spacing, sides.astype(np.int64))

@@ -19,10 +19,7 @@
 #ifndef CLVOX_CURTAIN_H
 #define CLVOX_CURTAIN_H
 
-#define TURN 6.28318530718f
-
-/* More than the error of a winding summed in float32. */
-#define MARGIN 1e-3f
+#include "winding/turn.h"
 
 /* A corner of the rim seen from a point, in units of length; up: its length plus y. */
 typedef struct {
@@ -69,84 +66,22 @@ static inline float edge_angle(const int3 a, const int3 b, const float4 scale)
     return side_of(a, b) < 0 ? -angle : angle;
 }
 
-/* How often the curtain winds around the sample at p.
+/* How often the curtain winds around the sample at p.  The sum is compensated (Neumaier, 1974), so
+ * that it is as good as its terms, however many there are.
  * rim: (edges, 2, 3) int32, on the lattice. */
 static inline float curtain_winding(
     const __global int *rim, const uint edges, const int3 p, const float4 scale)
 {
     #pragma OPENCL FP_CONTRACT OFF
-    float angles = 0.0f;
-    for (uint edge = 0; edge < edges; ++edge)
-        angles += edge_angle(
+    float angles = 0.0f, lost = 0.0f;
+    for (uint edge = 0; edge < edges; ++edge) {
+        const float angle = edge_angle(
             vload3(2 * (ulong)edge, rim) - p, vload3(2 * (ulong)edge + 1, rim) - p, scale);
-    return angles / TURN;
-}
-
-/* A box of samples, its corners among them, and its centre and radius. */
-typedef struct {
-    int3 low, high, centre;
-    float radius;
-} Box;
-
-static inline Box make_box(const int3 low, const int3 high, const float4 scale)
-{
-    Box box;
-    box.low = low;
-    box.high = high;
-    box.centre = low + ((high - low) >> 1);
-    /* A step more, since the centre was rounded. */
-    const float3 reach = (convert_float3(high - low) * 0.5f + 1.0f) * scale.xyz;
-    box.radius = sqrt(dot(reach, reach));
-    return box;
-}
-
-/* How far the edge (a, b) stays from the box, at least; negative if perhaps not at all. */
-static inline float gap_to(const Box box, const int3 a, const int3 b, const float4 scale)
-{
-    const float3 p = convert_float3(a - box.centre) * scale.xyz;
-    const float3 along = convert_float3(b - a) * scale.xyz;
-    const float length = dot(along, along);
-    const float at = length > 0.0f ? clamp(-dot(p, along) / length, 0.0f, 1.0f) : 0.0f;
-    const float3 off = p + at * along;
-    return sqrt(dot(off, off)) - box.radius;
-}
-
-/* By how much the edge may change what the curtain winds, from the centre of the box to any sample,
- * apart from jumps by whole numbers across the curtain: the gradient of a solid angle is an
- * integral along its rim, of dl / r^2 at most (Biot and Savart).  Only the sum over the whole rim
- * means something. */
-static inline float change_of(
-    const Box box, const float gap, const int3 a, const int3 b, const float4 scale)
-{
-    const float3 along = convert_float3(b - a) * scale.xyz;
-    return sqrt(dot(along, along)) / (gap * gap) * (box.radius / (2.0f * TURN));
-}
-
-/* By how much what the curtain winds jumps at the curtain over an edge, on the way from one sample
- * to another, which is along x or along z, above the edge. */
-static inline int jump_along(const int3 a, const int3 b, const int3 from, const int3 to)
-{
-    const bool passes = from.z == to.z ? (a.z > from.z) != (b.z > from.z)
-                                       : (a.x > from.x) != (b.x > from.x);
-    if (!passes) return 0;
-    return (side_of(a - to, b - to) > 0) - (side_of(a - from, b - from) > 0);
-}
-
-static inline long turn_of(const int3 a, const int3 b, const int x, const int z)
-{
-    return (long)(b.x - a.x) * (z - a.z) - (long)(b.z - a.z) * (x - a.x);
-}
-
-/* May the curtain over the edge (a, b) pass through the box? */
-static inline bool curtain_meets(const Box box, const int3 a, const int3 b)
-{
-    const int3 low = box.low, high = box.high;
-    if (high.y < min(a.y, b.y)) return false;
-    if (max(a.x, b.x) < low.x || min(a.x, b.x) > high.x) return false;
-    if (max(a.z, b.z) < low.z || min(a.z, b.z) > high.z) return false;
-    const long p = turn_of(a, b, low.x, low.z), q = turn_of(a, b, high.x, low.z);
-    const long r = turn_of(a, b, low.x, high.z), s = turn_of(a, b, high.x, high.z);
-    return !((p > 0 && q > 0 && r > 0 && s > 0) || (p < 0 && q < 0 && r < 0 && s < 0));
+        const float sum = angles + angle;
+        lost += fabs(angles) < fabs(angle) ? (angle - sum) + angles : (angles - sum) + angle;
+        angles = sum;
+    }
+    return (angles + lost) / TURN;
 }
 
 #endif

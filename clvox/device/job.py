@@ -27,12 +27,15 @@ class Job:
         Bytes that its arrays may take at once.
     nbytes, peak_nbytes : int
         Bytes that they take, and the most that they took at once.
+    refused : int
+        Bytes that were too many, if any were.
     """
 
     def __init__(self, most: int, tick: Tick | None = None) -> None:
         self.most = most
         self.nbytes = 0
         self.peak_nbytes = 0
+        self.refused = 0
         self._tick = tick
         self._numbers = itertools.count()
         self._arrays: dict[int, weakref.ref[cla.Array]] = {}
@@ -51,6 +54,7 @@ class Job:
             They are.
         """
         if nbytes > self.left:
+            self.refused = nbytes
             raise OutOfMemoryError(
                 f"{nbytes:,} bytes more are needed at once; {self.nbytes:,} are in use of the "
                 f"{self.most:,} that the work may take. Use a coarser pitch, or a larger "

@@ -6,7 +6,7 @@ from clvox.models.dexel_build import dexelize
 from clvox.models.dexel_report import DexelReport
 from clvox.models.dexels import DexelModel
 from clvox.models.milling import Cut
-from clvox.models.opening import open_model as open  # noqa: A004 - as gzip.open, always with its module
+from clvox.models.model_files import open_model as open  # noqa: A004 - as gzip.open, always with its module
 from clvox.models.report import Report
 from clvox.models.triple import TripleDexelModel
 from clvox.models.voxels import BOUNDARY, INSIDE, OUTSIDE, VoxelModel

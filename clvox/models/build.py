@@ -89,8 +89,7 @@ def voxelize(
     memory_budget : int, optional
         Bytes of the device that building may take at once, the model included; models that are
         there already do not count.  By default, most of what the device has free.  With less the
-        work is done piece by piece, and the voxels are the same; only by "vote" and "winding" it
-        is not, and what does not fit is refused.
+        work is done piece by piece, and the voxels are the same.
     progress : bool or callable, optional
         True draws a bar; a function is called with (done, total).  An exception that it raises
         ends the work.

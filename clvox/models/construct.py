@@ -31,6 +31,7 @@ from clvox.ops.facets import Mesh
 from clvox.ops.fill import Winding
 from clvox.ops.layout import Bricks, Cells, Slab, VoxelArrays, cell_shape, words_for
 from clvox.ops.multilevel import Solid, carry, empty_solid, rank_cells
+from clvox.ops.sorting import LIST_BYTES
 
 if TYPE_CHECKING:
     import pyopencl.array as cla
@@ -202,7 +203,7 @@ class _Build:
             self._send(spare)
             return 0
         self._send(spare // 2)
-        return min(spare // 2, self.session.device.largest_allocation, fills.LIST_BYTES)
+        return min(spare // 2, self.session.device.largest_allocation, LIST_BYTES)
 
     def _fill_slab(
         self, cells: Cells, voxels: cla.Array, slab: Slab, solid: Solid, list_bytes: int

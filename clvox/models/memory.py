@@ -6,6 +6,7 @@ import math
 import operator
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import NoReturn
 
 import numpy as np
 
@@ -130,6 +131,24 @@ class Room:
                 "Otherwise give a larger memory_budget."
             )
         return self.job.most - result - work - SMALL
+
+    def refuse_work(self, needed: int) -> NoReturn:
+        """Refuse work on the thinnest slab that there is, which takes *needed* bytes or more.
+
+        Advice allows for twice as many: nobody knows what would have been asked for next.
+
+        Raises
+        ------
+        OutOfMemoryError
+            In any case.
+        """
+        shape = " x ".join(map(str, self.grid.shape))
+        raise OutOfMemoryError(
+            f"{shape} voxels need {needed:,} bytes of the device or more, even one layer of cells "
+            f"at a time; {self.job.most:,} may be used. "
+            f"{self._advice({'work': 2 * needed}, self.job.most)}"
+            "Otherwise give a larger memory_budget."
+        ) from None
 
     def _advice(self, known: dict[str, int], room: int) -> str:
         """What would fit into *room* bytes; nothing if nothing would."""

@@ -73,13 +73,23 @@ class Window(NamedTuple):
         corners = self.first_u, self.first_v, self.stop_u - 1, self.stop_v - 1
         return cast("np.generic", np.array(corners, cltypes.int4)[()])
 
-    def halves(self) -> tuple[Window, Window]:
-        """The window cut in two across u, or across v if it is one ray wide."""
+    def halves(self) -> tuple[Window, ...]:
+        """Two parts, cut across u, or across v if the window is one ray wide; of one ray none."""
+        if self.rays == 1:
+            return ()
         if self.sides[0] > 1:
             middle = (self.first_u + self.stop_u) // 2
             return self._replace(stop_u=middle), self._replace(first_u=middle)
         middle = (self.first_v + self.stop_v) // 2
         return self._replace(stop_v=middle), self._replace(first_v=middle)
+
+    def layers(self, depth: int) -> tuple[Window, ...]:
+        """The window cut in two across u, where *depth* divides it; nothing if that is nowhere."""
+        count = -(-self.sides[0] // depth)
+        if count == 1:
+            return ()
+        middle = self.first_u + count // 2 * depth
+        return self._replace(stop_u=middle), self._replace(first_u=middle)
 
 
 def near(facets: Mesh, bits: int, axis: int, window: Window) -> Mesh:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from enum import IntEnum
 
 import numpy as np
@@ -11,23 +10,16 @@ import pyopencl.array as cla
 from clvox.device import Session
 from clvox.device.session import Argument
 from clvox.grid import Shape
-from clvox.ops.crossings import Window, fraction_bits, near
+from clvox.ops.crossings import Window, fraction_bits
 from clvox.ops.facets import Mesh, Progress
 from clvox.ops.layout import Bricks, Cells, words_for
-from clvox.ops.sorting import Rows, sort_crossings
+from clvox.ops.sorting import LIST_BYTES, sorted_windows
 
 _FILE = "fill/flip_rule.cl"
 _DENSE, _BRICKS = 1, 2
 
-LIST_BYTES = 1 << 28
-"""About how much of the lists is on the device at once."""
-
 _CROSSINGS = 16
 """Crossings of a ray, more or less."""
-
-_BYTES_PER_ENTRY = 32
-# A ray takes 4 + 8 bytes, a crossing 8, and 8 more while a long row is sorted; both together are
-# within the budget if either is within half of it.
 
 
 class Winding(IntEnum):
@@ -93,7 +85,7 @@ def _flip(
         _FILE, "flip_rule", RULE=int(rule), FRACTION_BITS=fraction_bits(bits), **defines
     )
     done, triangles = 0, facets.triangles
-    for rows in _slabs(session, facets, bits, window, list_bytes):
+    for rows in sorted_windows(session, facets, bits, window, list_bytes):
         rays = rows.window.rays
         listed = rows.window.box, rows.offsets, rows.crossings
         session.run(kernel, rays, *listed, *sink, steps=_CROSSINGS)
@@ -101,24 +93,3 @@ def _flip(
         if progress is not None:
             session.finish()
             progress(triangles * done // window.rays, triangles)
-
-
-def _slabs(
-    session: Session, facets: Mesh, bits: int, whole: Window, list_bytes: int
-) -> Iterator[Rows]:
-    """The crossings of all rays along y, as many rays at a time as the budget allows.
-
-    One ray alone is listed whatever it takes.
-    """
-    most = list_bytes // _BYTES_PER_ENTRY
-    waiting = [whole]
-    while waiting:
-        window = waiting.pop()
-        rows = None
-        if window.rays == 1 or window.rays <= most:
-            limit = None if window.rays == 1 else most
-            rows = sort_crossings(session, near(facets, bits, 1, window), bits, 1, window, limit)
-        if rows is None:
-            waiting += reversed(window.halves())
-        else:
-            yield rows

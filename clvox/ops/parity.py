@@ -15,13 +15,13 @@ from clvox.grid import Shape
 from clvox.ops import crossings, dense
 from clvox.ops.boundary import mark_cells, mark_voxels
 from clvox.ops.combine import Operation, combine, rebrick
-from clvox.ops.facets import Facets
+from clvox.ops.facets import Mesh
 from clvox.ops.layout import Bricks, Cells, VoxelArrays, cell_shape, words_for
 from clvox.ops.multilevel import carry, rank_cells
 
 
 def fill_parity(
-    session: Session, facets: Facets, bits: int, shape: Shape, levels: tuple[Shape, ...]
+    session: Session, facets: Mesh, bits: int, shape: Shape, levels: tuple[Shape, ...]
 ) -> VoxelArrays:
     """Return the voxels of a grid of *shape* that lie inside a closed mesh, on *levels*."""
     if len(levels) == 1:
@@ -39,7 +39,7 @@ def fill_parity(
 
 
 def mark_tree(
-    session: Session, facets: Facets, bits: int, shape: Shape, levels: tuple[Shape, ...]
+    session: Session, facets: Mesh, bits: int, shape: Shape, levels: tuple[Shape, ...]
 ) -> Cells:
     """Return the cells that some triangle touches, on each of two or three *levels*."""
     marks = mark_cells(session, facets, bits, shape, coarse_sides(levels))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -9,12 +10,19 @@ import pyopencl.array as cla
 
 from clvox.device import Session
 from clvox.ops import crossings
-from clvox.ops.crossings import Window
+from clvox.ops.crossings import Window, near
 from clvox.ops.facets import Mesh
 from clvox.ops.scan import prefix_sum
 
 SHORT = 32
 """Longest row that one work-item sorts."""
+
+LIST_BYTES = 1 << 28
+"""About how much of the lists of the rays of a grid is on the device at once."""
+
+_BYTES_PER_ENTRY = 32
+# A ray takes 4 + 8 bytes, a crossing 8, and 8 more while a long row is sorted; both together are
+# within the budget if either is within half of it.
 
 CROSSINGS_PER_LAUNCH = 1 << 22
 
@@ -64,6 +72,29 @@ def sort_crossings(
         )
         sort_rows(session, offsets, rows, short=short)
     return Rows(window, offsets, rows)
+
+
+def sorted_windows(
+    session: Session, facets: Mesh, bits: int, whole: Window, list_bytes: int, depth: int = 0
+) -> Iterator[Rows]:
+    """The crossings of all rays along y, as many rays at a time as *list_bytes* allow.
+
+    One ray alone is listed whatever it takes; or, with *depth*, as many layers of rays, which
+    are then cut nowhere else.
+    """
+    most = list_bytes // _BYTES_PER_ENTRY
+    waiting = [whole]
+    while waiting:
+        window = waiting.pop()
+        halves = window.layers(depth) if depth else window.halves()
+        rows = None
+        if not halves or window.rays <= most:
+            mesh, limit = near(facets, bits, 1, window), most if halves else None
+            rows = sort_crossings(session, mesh, bits, 1, window, limit)
+        if rows is None:
+            waiting += reversed(halves)
+        else:
+            yield rows
 
 
 def sort_rows(session: Session, offsets: cla.Array, rows: cla.Array, *, short: int = SHORT) -> None:

@@ -9,16 +9,26 @@ so each of the three is cast along y, like any other closed mesh.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
+from typing import TypeAlias
+
 import numpy as np
 from numpy.typing import NDArray
 
 from clvox.device import Session
 from clvox.grid import Shape
 from clvox.ops.combine import Operation, combine
-from clvox.ops.crossings import count_crossings
-from clvox.ops.facets import Facets, Progress, upload_facets
+from clvox.ops.crossings import Window, add_counts, near
+from clvox.ops.facets import Mesh, Progress, upload_facets
 from clvox.ops.layout import VoxelArrays
 from clvox.ops.parity import fill_parity, mark_tree, with_boundary
+
+Send: TypeAlias = Callable[[NDArray[np.int32], NDArray[np.int32]], Mesh]
+"""Gives vertices and faces to the device, at once or part by part."""
+
+MOST_RAYS = 1 << 24
+"""Rays that are counted at a time."""
 
 
 def fill_vote(
@@ -30,6 +40,7 @@ def fill_vote(
     shape: Shape,
     levels: tuple[Shape, ...],
     *,
+    send: Send | None = None,
     progress: Progress | None = None,
 ) -> VoxelArrays:
     """Return the voxels that two of three axes, or all, take to be inside.
@@ -43,48 +54,41 @@ def fill_vote(
         The edges, as rows of *vertices*, that belong to an odd number of triangles.
     bits, shape, levels
         Steps in a voxel, as a power of two; voxels; the model's levels.
+    send : callable, optional
+        Gives vertices and faces to the device; by default all at once.
 
     Returns
     -------
     VoxelArrays
         With bricks where a triangle touches a cell or its voxels differ.
     """
-    x, y, z = (
-        _fill_along(session, vertices, faces, odd_edges, bits, shape, levels, axis, progress)
-        for axis in range(3)
-    )
+    send = send or partial(upload_facets, session)
+
+    def fill_along(axis: int) -> VoxelArrays:
+        closed = send(*add_curtain(vertices, faces, odd_edges, bits, shape, axis))
+        arrays = fill_parity(session, closed, bits, shape, levels)
+        if progress is not None:
+            session.finish()
+            progress(axis + 1, 4)
+        return arrays
+
+    x, y, z = map(fill_along, range(3))
     differ = combine(session, x, y, Operation.XOR)
     decided = combine(session, differ, z, Operation.INTERSECTION)
     agreed = combine(session, x, y, Operation.INTERSECTION)
     majority = combine(session, agreed, decided, Operation.UNION)
     if len(levels) == 1:
         return majority
-    facets = upload_facets(session, vertices, faces)
-    cells = mark_tree(session, facets, bits, shape, levels)
+    cells = mark_tree(session, send(vertices, faces), bits, shape, levels)
     return with_boundary(session, majority, cells)
 
 
-def _fill_along(
-    session: Session,
-    vertices: NDArray[np.int32],
-    faces: NDArray[np.int32],
-    odd_edges: NDArray[np.int32],
-    bits: int,
-    shape: Shape,
-    levels: tuple[Shape, ...],
-    axis: int,
-    progress: Progress | None,
-) -> VoxelArrays:
-    mesh = add_curtain(vertices, faces, odd_edges, bits, shape, axis)
-    arrays = fill_parity(session, upload_facets(session, *mesh), bits, shape, levels)
-    if progress is not None:
-        session.finish()
-        progress(axis + 1, 4)
-    return arrays
-
-
-def odd_rays(session: Session, facets: Facets, bits: int, shape: Shape) -> list[NDArray[np.int64]]:
+def odd_rays(
+    session: Session, facets: Mesh, bits: int, shape: Shape, most: int = MOST_RAYS
+) -> list[NDArray[np.int64]]:
     """Return the rays along x, y and z that cross the mesh an odd number of times.
+
+    most: rays that are counted at a time.
 
     Returns
     -------
@@ -92,12 +96,26 @@ def odd_rays(session: Session, facets: Facets, bits: int, shape: Shape) -> list[
         Voxel indices of each ray along the two other axes, the earlier of x, y, z first; ordered
         by the later one.
     """
-    found = []
-    for axis in range(3):
-        counts = count_crossings(session, facets, bits, shape, axis).get()
-        later, earlier = np.nonzero(counts & np.uint32(1))
-        found.append(np.stack([earlier, later], axis=1))
-    return found
+    return [_odd_along(session, facets, bits, shape, axis, most) for axis in range(3)]
+
+
+def _odd_along(
+    session: Session, facets: Mesh, bits: int, shape: Shape, axis: int, most: int
+) -> NDArray[np.int64]:
+    waiting, found = [Window.whole(shape, axis)], []
+    while waiting:
+        window = waiting.pop()
+        if window.rays > most and window.rays > 1:
+            waiting += window.halves()
+            continue
+        u, v = window.sides
+        counts = session.zeros((u, v) if axis == 1 else (v, u), np.uint32)
+        add_counts(session, near(facets, bits, axis, window), bits, axis, window, counts)
+        later, earlier = np.nonzero(counts.get() & np.uint32(1))
+        first = window[:2] if axis != 1 else window[1::-1]
+        found.append(np.stack([earlier, later], axis=1) + first)
+    rays = np.concatenate(found).astype(np.int64)
+    return rays[np.lexsort(rays.T)]
 
 
 def add_curtain(

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import gc
 import json
+import re
 from collections.abc import Callable
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
@@ -15,9 +18,14 @@ from clvox.cli import main
 from clvox.grid import Axis, Lattice
 from clvox.mesh import check
 from clvox.models.build import Fill
-from clvox.models.openings import directed_rim
+from clvox.models.memory import LEAST_WORK
+from clvox.models.pieces import Pieces, directed_rim
 from clvox.reference.winding import winding_numbers
 from tests.api.test_fill import GRID, LEVELS, PAIRS, ball, every_level, voxelize
+from tests.api.test_memory import asked_of
+
+if TYPE_CHECKING:
+    from clvox.device import Session
 
 OPEN: tuple[Fill, Fill] = ("vote", "winding")
 
@@ -174,17 +182,83 @@ def test_the_open_bunny_is_a_sum_of_solid_angles(
     np.testing.assert_array_equal(bunny.to_array()[k, j, i], winding > 0.5)
 
 
+FINE = clvox.Grid((-2.1, -1.7, -1.6), 0.03, (134, 107, 109))
+FINE_LEVELS: dict[int, Any] = {1: [FINE.shape], 2: None, 3: [(5, 4, 4), (4, 4, 4), (8, 8, 8)]}
+CUP = with_a_hole(ball(1.2, 0.1, 0.2, 0.3), -0.5)
+
+
+def on_fine(fill: Fill, levels: int, budget: int | None = None) -> clvox.VoxelModel:
+    return clvox.voxelize(
+        CUP, grid=FINE, levels=FINE_LEVELS[levels], fill=fill, memory_budget=budget
+    )
+
+
+@every_level
 @every_fill
-def test_a_budget_is_kept_or_the_work_refused(fill: Fill) -> None:
-    opened = with_a_hole(ball(1.2, 0.1, 0.2, 0.3), -0.5)
-    model = clvox.voxelize(opened, grid=GRID, fill=fill)
-    most = model.report.peak_nbytes
-    again = clvox.voxelize(opened, grid=GRID, fill=fill, memory_budget=most)
-    assert again == model
-    # Lists for winding numbers make do with less.
-    less = most - 1 if fill == "vote" else most // 4
-    with pytest.raises(clvox.OutOfMemoryError, match="bytes more are needed"):
-        clvox.voxelize(opened, grid=GRID, fill=fill, memory_budget=less)
+def test_a_small_budget_gives_the_same_bits(
+    fill: Fill, levels: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    expected = on_fine(fill, levels)
+    # What the model takes, rounded up as the pool does, and the least to work in.
+    budget = expected.nbytes * 17 // 16 + LEAST_WORK + (70_000 if levels == 3 else 20_000)
+    tried = []
+    decide = Pieces._decide
+
+    def note(pieces: Pieces, span: Any) -> Any:
+        tried.append(span)
+        return decide(pieces, span)
+
+    monkeypatch.setattr(Pieces, "_decide", note)
+    model = on_fine(fill, levels, budget)
+    # Halves, and halves of these; cut for both, or there is nothing to test.
+    assert len(tried) > 2
+    assert expected.report.peak_nbytes > budget >= model.report.peak_nbytes >= model.nbytes
+    record = expected.to_record()
+    for name, array in model.to_record().items():
+        assert array.tobytes() == record[name].tobytes()
+    assert model.report.doubtful_rays == expected.report.doubtful_rays
+    assert model.report.first_doubtful_rays == expected.report.first_doubtful_rays
+
+
+@every_level
+@every_fill
+def test_what_cannot_fit_is_refused_with_what_would(
+    fill: Fill, levels: int, session: Session
+) -> None:
+    gc.collect()
+    before = session.nbytes
+    with pytest.raises(clvox.OutOfMemoryError, match=r"need [0-9,]+ bytes of the device") as caught:
+        on_fine(fill, levels, 90_000)
+    assert session.nbytes == before
+    found = re.search(r"A pitch of ([0-9.]+), about [0-9]+ voxels", str(caught.value))
+    assert found, caught.value
+    pitch = float(found[1])
+    shape = -(-np.array(FINE.shape) * 0.03 // pitch)
+    grid = clvox.Grid(FINE.origin, pitch, shape)
+    sides = {1: [], 2: [(8, 8, 8)], 3: [(4, 4, 4), (8, 8, 8)]}[levels]
+    counts = -(-shape // np.prod([(1, 1, 1), *sides], axis=0))
+    shapes = [counts.astype(int), *sides]
+    model = clvox.voxelize(CUP, grid=grid, levels=shapes, fill=fill, memory_budget=90_000)
+    assert model.report.peak_nbytes <= 90_000
+
+
+@every_fill
+@pytest.mark.parametrize("budget", [None, 200_000])
+def test_each_failing_allocation_is_out_of_memory(
+    session: Session, fill: Fill, budget: int | None
+) -> None:
+    def build() -> clvox.VoxelModel:
+        return clvox.voxelize(CUP, grid=GRID, fill=fill, memory_budget=budget)
+
+    with asked_of(session) as sizes:
+        right = build()
+    gc.collect()
+    before = session.nbytes
+    for number in range(1, len(sizes) + 1, max(len(sizes) // 8, 1)):
+        with asked_of(session, number), pytest.raises(clvox.OutOfMemoryError, match="no room"):
+            build()
+        assert session.nbytes == before
+    assert build() == right
 
 
 def test_lists_for_winding_take_what_is_left() -> None:

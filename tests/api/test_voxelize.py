@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 import clvox
 from clvox.device import Session
 from clvox.errors import DeviceError, GridError, MeshError, NotClosedError
-from clvox.grid import Axis, Grid, Shape
+from clvox.grid import Axis, Grid, Lattice, Shape
 from clvox.mesh import check
 from clvox.models import levels as levels_module
 from tests.strategies import BOX, FAMILIES, Mesh, closed_meshes, join
@@ -416,9 +416,9 @@ def test_meshes_that_are_refused(mesh: Any, words: str) -> None:
         ({"resolution": 4, "pitch": 1}, "give one of resolution="),
         ({"resolution": 4, "grid": GRID}, "give one of resolution="),
         ({"pitch": 1, "grid": GRID}, "give one of resolution="),
-        ({"resolution": 0}, "resolution must be between 1 and 131072, got 0"),
+        ({"resolution": 0}, "resolution must be between 1 and 131071, got 0"),
         ({"resolution": 2.5}, "resolution must be an integer, got"),
-        ({"resolution": 2**17 + 1}, "resolution must be between"),
+        ({"resolution": 2**17}, "resolution must be between"),
         ({"resolution": "many"}, "resolution must be an integer"),
         ({"pitch": -0.5}, "pitch must be positive, got -0.5"),
         ({"pitch": 0}, "pitch must be positive, got 0"),
@@ -560,3 +560,11 @@ def test_memory_goes_with_the_surface(session: Session, resolution: int) -> None
     assert model.nbytes <= peak < dense / 6
     assert peak < 5.5 * coarse
     assert model.volume == pytest.approx(float(mesh.volume), rel=1e-4)
+
+
+def test_the_longest_grid_has_a_lattice() -> None:
+    """And a grid that none would fit is refused at once."""
+    grid = clvox.Grid((0, 0, 0), 1.0, (131_071, 1, 1))
+    assert Lattice.fit(grid, np.array([[0.0, 0.0, 0.0], [131_071.0, 1.0, 1.0]])).bits == 7
+    with pytest.raises(clvox.GridError, match="between 1 and 131071 voxels"):
+        clvox.Grid((0, 0, 0), 1.0, (131_072, 1, 1))

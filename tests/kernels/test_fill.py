@@ -16,9 +16,10 @@ from clvox.grid import Shape
 from clvox.ops import dense, fill
 from clvox.ops.boundary import mark_cells
 from clvox.ops.facets import upload_facets
-from clvox.ops.fill import LIST_BYTES, Winding
+from clvox.ops.fill import Winding
 from clvox.ops.layout import Bricks, cell_shape, words_for
 from clvox.ops.multilevel import carry, rank_cells
+from clvox.ops.sorting import LIST_BYTES
 from clvox.reference import fill as twin
 from clvox.reference.crossings import AXES
 from clvox.reference.multilevel import Model
