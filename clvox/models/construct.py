@@ -70,17 +70,11 @@ def construct(
             f"{build.odd_rays} rays cross the mesh an odd number of times and "
             f"{build.disagreements} untouched cells are in and out at once: please report this mesh"
         )
-    report = Report(
-        device=str(session.device),
-        fill=fill,
+    report = replace(
+        Report.of_mesh(session.device, surface, lattice, fill),
         seconds=seconds,
-        triangles=len(surface.faces),
-        repeated=surface.repeated,
-        duplicates=surface.duplicates,
-        cancelled=surface.cancelled,
         collapsed=build.collapsed,
         odd_rays=build.odd_rays,
-        lattice_bits=lattice.bits,
         peak_nbytes=job.peak_nbytes,
         warnings=tuple(warnings),
     )

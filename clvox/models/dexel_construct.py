@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from contextlib import AbstractContextManager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from clvox.device import Session
 from clvox.device.job import Job
@@ -54,18 +54,11 @@ def construct_dexels(
             start, stop = number / len(axes), (number + 1) / len(axes)
             middle = start + _COUNTED * (stop - start)
             lists = build.list(axis, told.part(start, middle), told.part(middle, stop))
-            report = DexelReport(
-                device=str(session.device),
-                fill=fill,
+            report = replace(
+                DexelReport.of_mesh(session.device, surface, lattice, fill),
                 seconds=build.seconds,
-                triangles=count,
-                repeated=surface.repeated,
-                duplicates=surface.duplicates,
-                cancelled=surface.cancelled,
                 collapsed=build.collapsed or 0,
-                lattice_bits=lattice.bits,
                 peak_nbytes=job.peak_nbytes,
-                warnings=surface.warnings,
             )
             solid = fill, lattice.bits, lists
             models.append(DexelModel(session, lattice.grid, axis, *solid, sources, report))

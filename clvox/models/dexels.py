@@ -15,6 +15,7 @@ from clvox.device import Session, open_session
 from clvox.errors import GridError
 from clvox.grid import Axis, Grid, Lattice
 from clvox.models import archive, dexel_archive
+from clvox.models.booleans import Combinable
 from clvox.models.cutter import Cutter
 from clvox.models.dexel_moments import Integrals
 from clvox.models.dexel_report import DexelReport
@@ -44,7 +45,7 @@ _REPORTED = 100
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class DexelModel:
+class DexelModel(Combinable):
     """A solid as pieces of parallel rays through the voxel centres of a grid.
 
     Made by `dexelize`, `DexelModel.from_voxels` and `open`; never changed afterwards.  A ray has
@@ -235,22 +236,6 @@ class DexelModel:
         return _restore, (self.to_record(), self._built, self._sources)
 
     # Combinations
-
-    def __or__(self, other: DexelModel) -> DexelModel:
-        """What is inside either model."""
-        return self._combined(other, Operation.UNION) if _is_model(other) else NotImplemented
-
-    def __and__(self, other: DexelModel) -> DexelModel:
-        """What is inside both models."""
-        return self._combined(other, Operation.INTERSECTION) if _is_model(other) else NotImplemented
-
-    def __sub__(self, other: DexelModel) -> DexelModel:
-        """What is inside this model and not the other."""
-        return self._combined(other, Operation.DIFFERENCE) if _is_model(other) else NotImplemented
-
-    def __xor__(self, other: DexelModel) -> DexelModel:
-        """What is inside exactly one of the models."""
-        return self._combined(other, Operation.XOR) if _is_model(other) else NotImplemented
 
     def __invert__(self) -> DexelModel:
         """The grid's box without the model."""
@@ -605,10 +590,6 @@ def from_rays(
 
 def _restore(record: dict[str, NDArray[Any]], report: DexelReport, sources: Sources) -> DexelModel:
     return _unpack(open_session(), record, report, sources)
-
-
-def _is_model(other: object) -> bool:
-    return isinstance(other, DexelModel)
 
 
 def _frozen(array: NDArray[Any]) -> NDArray[Any]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -33,7 +35,6 @@ def build_open(
     budget: bytes of the device that may be taken at once, the model included.
     """
     seconds: dict[str, float] = {}
-    triangles = len(surface.faces)
     doubtful: list[NDArray[np.int64]] = []
     with session.job(budget, told.again) as job:
         room = Room(session, job, lattice.grid, surface, levels)
@@ -47,21 +48,15 @@ def build_open(
         if progress := told.part(0, 1):
             progress(1, 1)
     named = dict(zip("xyz", doubtful, strict=False))
-    report = Report(
-        device=str(session.device),
-        fill=fill,
+    report = replace(
+        Report.of_mesh(session.device, surface, lattice, fill),
         seconds=seconds,
-        triangles=triangles,
-        repeated=surface.repeated,
-        duplicates=surface.duplicates,
-        cancelled=surface.cancelled,
         collapsed=collapsed,
         odd_rays=sum(map(len, doubtful)),
         doubtful_rays={axis: len(rays) for axis, rays in named.items()},
         first_doubtful_rays=tuple(
             (axis, u, v) for axis, rays in named.items() for u, v in rays[:MOST_DOUBTFUL].tolist()
         ),
-        lattice_bits=lattice.bits,
         peak_nbytes=job.peak_nbytes,
         warnings=(*surface.warnings, *_doubts(named)),
     )

@@ -3,6 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Self
+
+from clvox.grid import Lattice
+from clvox.mesh import Surface
 
 MOST_DOUBTFUL = 1000
 """Most doubtful rays of each axis that a report names."""
@@ -58,3 +62,17 @@ class Report:
     lattice_bits: int = 0
     peak_nbytes: int = 0
     warnings: tuple[str, ...] = ()
+
+    @classmethod
+    def of_mesh(cls, device: object, surface: Surface, lattice: Lattice, fill: str) -> Self:
+        """What is known before anything is built."""
+        return cls(
+            device=str(device),
+            fill=fill,
+            triangles=len(surface.faces),
+            repeated=surface.repeated,
+            duplicates=surface.duplicates,
+            cancelled=surface.cancelled,
+            lattice_bits=lattice.bits,
+            warnings=surface.warnings,
+        )

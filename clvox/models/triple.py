@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, NoReturn
 
@@ -15,6 +14,7 @@ from clvox.device import open_session
 from clvox.errors import FormatError, GridError
 from clvox.grid import Grid
 from clvox.models import archive, dexel_archive
+from clvox.models.booleans import Combinable
 from clvox.models.dexel_report import DexelReport
 from clvox.models.dexel_sources import Sources
 from clvox.models.dexel_surface import move_vertices
@@ -22,10 +22,11 @@ from clvox.models.dexels import AXES, DexelModel, from_rays
 from clvox.models.levels import Levels
 from clvox.models.voxels import VoxelModel
 from clvox.ops import dexel_voxels
+from clvox.ops.combine import Operation
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class TripleDexelModel:
+class TripleDexelModel(Combinable):
     """A solid as pieces of rays along x, along y and along z.
 
     The three run through the same voxel centres and agree at each of them.  Made by
@@ -112,22 +113,6 @@ class TripleDexelModel:
         return _restore, (self.to_record(), reports, sources)
 
     # Combinations
-
-    def __or__(self, other: TripleDexelModel) -> TripleDexelModel:
-        """What is inside either model."""
-        return self._combined(other, DexelModel.__or__)
-
-    def __and__(self, other: TripleDexelModel) -> TripleDexelModel:
-        """What is inside both models."""
-        return self._combined(other, DexelModel.__and__)
-
-    def __sub__(self, other: TripleDexelModel) -> TripleDexelModel:
-        """What is inside this model and not the other."""
-        return self._combined(other, DexelModel.__sub__)
-
-    def __xor__(self, other: TripleDexelModel) -> TripleDexelModel:
-        """What is inside exactly one of the models."""
-        return self._combined(other, DexelModel.__xor__)
 
     def __invert__(self) -> TripleDexelModel:
         """The grid's box without the model."""
@@ -225,14 +210,9 @@ class TripleDexelModel:
 
     # Inside
 
-    def _combined(
-        self,
-        other: TripleDexelModel,
-        operation: Callable[[DexelModel, DexelModel], DexelModel],
-    ) -> TripleDexelModel:
-        if not isinstance(other, TripleDexelModel):
-            return NotImplemented
-        x, y, z = map(operation, self.bundles, other.bundles)
+    def _combined(self, other: TripleDexelModel, operation: Operation) -> TripleDexelModel:
+        pairs = zip(self.bundles, other.bundles, strict=True)
+        x, y, z = (mine._combined(theirs, operation) for mine, theirs in pairs)
         return TripleDexelModel(x, y, z)
 
 

@@ -20,10 +20,12 @@ from clvox.grid import Grid, Lattice, Shape
 from clvox.mesh import MeshLike, Surface
 from clvox.models import archive, updates
 from clvox.models.attributes import Attribute, Attributes, build_attributes
+from clvox.models.booleans import Combinable
 from clvox.models.expand import RuleName, check_bounds, expand_layers, find_rule
 from clvox.models.levels import Levels, resolve_levels
 from clvox.models.memory import find_budget
 from clvox.models.moments import center_of_mass, inertia
+from clvox.models.outline import corners_of
 from clvox.models.report import Report
 from clvox.models.snapping import swept_volume
 from clvox.ops import combine, measure, pack, query
@@ -47,7 +49,7 @@ NOTEBOOK_SIZE = 640, 400
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class VoxelModel:
+class VoxelModel(Combinable):
     """A solid as voxels, on one level, two or three, on an OpenCL device.
 
     Made by `voxelize`, `VoxelModel.from_array` and `open`; never changed afterwards.
@@ -141,26 +143,9 @@ class VoxelModel:
     def outline(self) -> NDArray[np.float64]:
         """Points whose convex hull holds the model, (n, 3) float64: corners of its coarse cells."""
         if len(self.levels) > 1:
-            occupied = self.to_array(level=0) != 0
-            side = np.prod(self.levels[1:], axis=0)
-        else:
-            occupied, side = self.coverage(cells=8) > 0, np.array([8, 8, 8])
-        if not occupied.any():
-            occupied[...] = True
-        j, i = np.nonzero(occupied.any(axis=0))
-        columns = occupied[:, j, i]
-        first, last = columns.argmax(axis=0), len(columns) - columns[::-1].argmax(axis=0)
-        corners = np.concatenate(
-            [
-                np.stack([i + x, j + y, k], axis=1)
-                for x in (0, 1)
-                for y in (0, 1)
-                for k in (first, last)
-            ]
-        )
-        places = np.minimum(corners * side, self.grid.shape) * self.grid.spacing
-        points: NDArray[np.float64] = places + self.grid.origin
-        return points
+            side = _triple(np.prod(self.levels[1:], axis=0))
+            return corners_of(self.grid, self.to_array(level=0) != 0, side)
+        return corners_of(self.grid, self.coverage(cells=8) > 0, (8, 8, 8))
 
     @property
     def attributes(self) -> tuple[Attribute, ...]:
@@ -202,22 +187,6 @@ class VoxelModel:
         return restore, (record, self.report, self._surfaces, None, self.attributes)
 
     # Combinations
-
-    def __or__(self, other: VoxelModel) -> VoxelModel:
-        """The voxels inside either model."""
-        return self._combined(other, Operation.UNION) if _is_model(other) else NotImplemented
-
-    def __and__(self, other: VoxelModel) -> VoxelModel:
-        """The voxels inside both models."""
-        return self._combined(other, Operation.INTERSECTION) if _is_model(other) else NotImplemented
-
-    def __sub__(self, other: VoxelModel) -> VoxelModel:
-        """The voxels inside this model and not the other."""
-        return self._combined(other, Operation.DIFFERENCE) if _is_model(other) else NotImplemented
-
-    def __xor__(self, other: VoxelModel) -> VoxelModel:
-        """The voxels inside exactly one of the models."""
-        return self._combined(other, Operation.XOR) if _is_model(other) else NotImplemented
 
     def __invert__(self) -> VoxelModel:
         """The voxels of the grid's box that are not inside."""
@@ -700,10 +669,6 @@ def restore(
     grid, arrays = archive.unpack(session, record)
     report = report or Report(device=str(session.device))
     return VoxelModel(session, grid, arrays, report, surfaces)._keeping(attributes)
-
-
-def _is_model(other: object) -> bool:
-    return isinstance(other, VoxelModel)
 
 
 def _triple(values: NDArray[Any]) -> Shape:
