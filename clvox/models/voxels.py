@@ -579,7 +579,8 @@ class VoxelModel(Combinable):
     @cached_property
     def _drawing(self) -> Drawing:
         """What pictures need besides; its parts are made for the first one."""
-        return Drawing(self._session, self._arrays, self.grid.spacing)
+        edge = None if self._attributes is None else self._attributes.touched.edge
+        return Drawing(self._session, self._arrays, self.grid.spacing, edge)
 
     def _kept(self) -> Attributes:
         if self._attributes is None:

@@ -29,7 +29,7 @@ class Distances:
     """For each block of coarse cells its distance to one that is not empty, in blocks.
 
     The largest of the distances along the axes; 0 for a block that is not empty itself.  A dense
-    model's voxels count as coarse cells.
+    model's voxels count as coarse cells, and those that are touched, if they are known, as not empty.
 
     shape: blocks (x, y, z); side: voxels along the sides of one; values: uint8, x fastest.
     states: (cells,) uint32 of `raymarch/states.h`, if blocks are cells of voxels.
@@ -47,9 +47,17 @@ class Distances:
 
 
 def measure_distances(
-    session: Session, arrays: VoxelArrays, *, most_blocks: int = BLOCKS
+    session: Session,
+    arrays: VoxelArrays,
+    edge: cla.Array | None = None,
+    *,
+    most_blocks: int = BLOCKS,
 ) -> Distances:
-    """Return the distances of a model."""
+    """Return the distances of a model.
+
+    edge: which voxels are touched, laid out like the voxels.  Only a dense model needs it, if rays
+    are to meet them: with cells all of them are in cells that have bricks, and so are not empty.
+    """
     cells = arrays.cells
     whole, side = (arrays.shape, DENSE_SIDE) if cells is None else (cells.shape, 1)
     while np.prod(cell_shape(whole, (side, side, side)), dtype=np.int64) > most_blocks:
@@ -59,7 +67,7 @@ def measure_distances(
     given = session.empty(count, np.uint8)
     defines = {"SIDE": side, "MOST": MOST, "LEVELS": 2}
     if cells is None or arrays.inside is None:
-        bits: tuple[Argument, ...] = arrays.voxels, arrays.voxels
+        bits: tuple[Argument, ...] = arrays.voxels, arrays.voxels if edge is None else edge
     else:
         bits = cells.boundary, arrays.inside
     kernel = session.kernel(_FILE, "occupy", **defines)

@@ -25,16 +25,20 @@ DIFFERENCE = 12
 
 @dataclass(frozen=True)
 class Drawing:
-    """What pictures of a model need besides it; made for the first, and kept for the next."""
+    """What pictures of a model need besides it; made for the first, and kept for the next.
+
+    edge: which voxels are touched, if the model keeps that: rays of some pictures meet them.
+    """
 
     session: Session
     arrays: VoxelArrays
     spacing: tuple[float, float, float]
+    edge: cla.Array | None = None
 
     @cached_property
     def distances(self) -> Distances:
         """Lets rays skip what is empty, or all inside."""
-        return measure_distances(self.session, self.arrays)
+        return measure_distances(self.session, self.arrays, self.edge)
 
     @cached_property
     def sky(self) -> Sky:

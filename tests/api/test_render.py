@@ -332,6 +332,25 @@ def test_normals_of_the_mesh_make_no_speckle() -> None:
     np.testing.assert_allclose(again, middle, atol=2)
 
 
+def test_levels_do_not_show_where_the_mesh_is_thin() -> None:
+    """A plate between the middles of voxels has none inside: only touched ones are drawn."""
+    plate = trimesh.creation.box(bounds=[(0, 0, 0.3), (10, 10, 0.4)])
+    grid = clvox.Grid((-7, -7, -11), 0.5, (48, 48, 48))
+    dense, levelled = (
+        clvox.voxelize(plate, grid=grid, levels=levels, attributes=("normals",))
+        for levels in ([(48, 48, 48)], [(6, 6, 6), (8, 8, 8)])
+    )
+    assert dense.count == 0
+    camera = clvox.Camera.around(levelled, aspect=SIZE[0] / SIZE[1])
+    for style in ("surface", "voxels"):
+        one, other = (
+            clvox.render(model, camera=camera, size=SIZE, style=style)
+            for model in (dense, levelled)
+        )
+        assert opaque(other).mean() > 0.1
+        np.testing.assert_array_equal(opaque(one), opaque(other))
+
+
 def test_notebooks_show_a_picture(ball: clvox.VoxelModel) -> None:
     assert ball._repr_png_().startswith(b"\x89PNG")
 

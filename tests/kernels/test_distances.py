@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from clvox.camera import Camera
 from clvox.device import Session
 from clvox.grid import Grid, Shape
+from clvox.ops.attributes import number_touched
 from clvox.ops.distances import MOST, measure_distances
 from clvox.ops.layout import VoxelArrays
 from clvox.ops.multilevel import rank_cells
@@ -58,16 +59,20 @@ def test_distances(session: Session, most_blocks: int, cells: Shape, share: floa
     np.testing.assert_array_equal(found.values.get().reshape(z, y, x), expected)
 
 
-def test_distances_of_a_dense_model(session: Session) -> None:
-    """Its voxels are the cells, eight to a block."""
+@pytest.mark.parametrize("touched", [False, True])
+def test_distances_of_a_dense_model(session: Session, touched: bool) -> None:
+    """Its voxels are the cells, eight to a block; and those that are touched are not empty."""
     rng = np.random.default_rng(7)
     voxels = rng.random((37, 20, 70)) < 1e-4
     arrays = VoxelArrays((70, 20, 37), session.upload(pack_bits(voxels)))
-    found = measure_distances(session, arrays)
+    edge = rng.random(voxels.shape) < 1e-4
+    assert (edge & ~voxels).any()
+    marks = session.upload(pack_bits(edge)) if touched else None
+    found = measure_distances(session, arrays, marks)
     assert found.shape == (9, 3, 5)
     assert found.side == (8, 8, 8)
     padded = np.zeros((40, 24, 72), bool)
-    padded[:37, :20, :70] = voxels
+    padded[:37, :20, :70] = (voxels | edge) if touched else voxels
     blocks = np.asarray(padded.reshape(5, 8, 3, 8, 9, 8).any(axis=(1, 3, 5)))
     np.testing.assert_array_equal(
         found.values.get().reshape(5, 3, 9), block_distances(blocks, MOST)
@@ -98,9 +103,12 @@ def test_starts_change_nothing(session: Session, seed: int, parallel: bool, most
     rng = np.random.default_rng(seed)
     share = float(rng.choice([0.003, 0.03, 0.9]))
     arrays = model(session, seed, (8, 9, 7), (3, 2, 4), share)
+    touched = None
     if rng.random() < 0.3:
-        voxels = rng.random((20, 30, 40)) < 0.001
+        voxels, edge = rng.random((2, 20, 30, 40)) < 0.001
         arrays = VoxelArrays((40, 30, 20), session.upload(pack_bits(voxels)))
+        if rng.random() < 0.7:
+            touched = number_touched(session, arrays, session.upload(pack_bits(edge)))
     spacing = tuple(rng.choice([0.3, 1.0, 2.0], 3).tolist())
     grid = Grid((0, 0, 0), spacing, arrays.shape)
     low, high = grid.bounds
@@ -109,9 +117,9 @@ def test_starts_change_nothing(session: Session, seed: int, parallel: bool, most
     camera = Camera(tuple(eye), tuple(target), tuple(rng.normal(size=3)), height=height)
     samples = int(rng.integers(1, 3))
     view = camera.view(grid, (SIZE[0] * samples, SIZE[1] * samples))
-    distances = measure_distances(session, arrays, most_blocks=most)
+    scene = Scene(arrays, grid.spacing, touched)
+    distances = measure_distances(session, arrays, scene.edge, most_blocks=most)
     beams = find_beams(session, distances, arrays.shape, view.rays, SIZE, samples)
-    scene = Scene(arrays, grid.spacing)
     pictures = [(view, Pixels.whole(SIZE, samples)), (view.middle(samples), Pixels.whole(SIZE))]
     for seen, pixels in pictures:
         hits = [march(session, scene, seen, pixels, known) for known in (None, beams)]
