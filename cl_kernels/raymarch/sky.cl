@@ -18,9 +18,9 @@
 #pragma OPENCL FP_CONTRACT OFF
 
 /* Voxels inside of the box from low to before high, which lies within the grid. */
-static inline uint count_in_box(MODEL_PARAMETERS, const int4 low, const int4 high)
+static inline ulong count_in_box(MODEL_PARAMETERS, const int4 low, const int4 high)
 {
-    uint sum = 0;
+    ulong sum = 0;
 #if LEVELS == 1
     for (int z = low.z; z < high.z; ++z)
         for (int y = low.y; y < high.y; ++y)
@@ -39,7 +39,7 @@ static inline uint count_in_box(MODEL_PARAMETERS, const int4 low, const int4 hig
                 const int from_z = max(low.z - k * BRICK_Z, 0);
                 const int to_z = min(high.z - k * BRICK_Z, BRICK_Z);
                 if (state == CELL_INSIDE) {
-                    sum += (uint)(to_x - from_x) * (to_y - from_y) * (to_z - from_z);
+                    sum += (ulong)(to_x - from_x) * (to_y - from_y) * (to_z - from_z);
                     continue;
                 }
                 for (int z = from_z; z < to_z; ++z)
@@ -69,14 +69,15 @@ __kernel void share_out(
     if (z >= blocks.z) return;
     const int4 first = ((int4)(x, y, z, 0) - (int4)(MARGIN, MARGIN, MARGIN, 0)) * side;
     const int4 from = max(first, low), to = min(first + side, high);
-    uint sum = 0;
+    /* A block may have more than 2**32 voxels: 63 bits hold them, and 51 those of the grid. */
+    ulong sum = 0;
     if (from.x < to.x && from.y < to.y && from.z < to.z)
         sum = count_in_box(MODEL_ARGUMENTS, from, to);
     const float height = plane.x * (first.x + 0.5f * side.x) + plane.y * (first.y + 0.5f * side.y)
                        + plane.z * (first.z + 0.5f * side.z);
     if (height > plane.w) sum = 0;
-    const uint all = (uint)side.x * side.y * side.z;
-    shares[id] = (uchar)(((ulong)sum * 255 + all / 2) / all);
+    const ulong all = (ulong)side.x * side.y * side.z;
+    shares[id] = (uchar)((sum * 255 + all / 2) / all);
 }
 
 /* One work-item blurs one block along one axis, along which `count` blocks lie `apart`.

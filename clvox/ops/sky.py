@@ -27,6 +27,9 @@ FEWEST = 1.5
 MARGIN = 6
 """Empty blocks around the grid, so that there is a sky above its faces."""
 
+WIDEST = 1 << 20
+"""Most voxels along a block's side, more than any grid has: products of three fit into 63 bits."""
+
 ONE = 1 << 16
 """The sum of all weights of a blur."""
 
@@ -112,7 +115,7 @@ def blur_weights(deviation: float) -> NDArray[np.int32]:
 
 def _block_side(cell: Shape, widths: NDArray[np.float64], wanted: float) -> NDArray[np.int64]:
     """Voxels along the sides of a block about *wanted* wide: whole cells, if they are smaller."""
-    voxels = np.maximum(1, np.rint(wanted / widths)).astype(np.int64)
+    voxels = np.clip(np.rint(wanted / widths), 1, WIDEST).astype(np.int64)
     cells = np.maximum(1, np.rint(voxels / cell)).astype(np.int64) * cell
     side: NDArray[np.int64] = np.where(np.array(cell) <= 1.5 * voxels, cells, voxels)
     return side

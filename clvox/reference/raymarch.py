@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -174,7 +175,8 @@ def _moment_at(cut: Plane, place: list[int], direction: list[int], whole: int) -
 def block_distances(occupied: NDArray[np.bool_], most: int) -> NDArray[np.uint8]:
     """Return how many blocks each block is away from the next one that is occupied.
 
-    The largest of the distances along the axes, at most *most*; [z, y, x] uint8.
+    The largest of the distances along the axes, at most *most*; [z, y, x] uint8.  A block with a
+    voxel that is inside, or that is known to be touched, is occupied.
     """
     found = np.full(occupied.shape, most, np.uint8)
     taken = np.argwhere(occupied)
@@ -209,7 +211,7 @@ def block_shares(
     """
     counts = [-(-count // width) for count, width in zip(voxels.shape, side[::-1], strict=True)]
     shares = np.zeros([count + 2 * margin for count in counts], np.uint8)
-    whole = int(np.prod(side))
+    whole = math.prod(side)
     a, b, c, farthest = (np.float32(part) for part in plane)
     for block in np.ndindex(*counts):
         first = [at * width for at, width in zip(block, side[::-1], strict=True)]

@@ -8,9 +8,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from clvox.device import Session
+from clvox.ops.layout import Cells, VoxelArrays
 from clvox.ops.sky import MARGIN, ONE, Part, blur_weights, measure_sky
+from clvox.reference.multilevel import pack_bits, rank
 from clvox.reference.raymarch import block_shares, blurred
-from tests.kernels.test_raymarch import models, shape_of, solid
+from tests.kernels.cases import INTERPRETED
+from tests.kernels.test_raymarch import dense, models, shape_of, solid
 
 
 @given(seed=st.integers(0, 2**32 - 1))
@@ -38,6 +41,38 @@ def test_sky(session: Session, seed: int) -> None:
         widths = np.array(spacing) * sky.side
         expected = blurred(shares, [blur_weights(sky.reach / width) for width in widths])
         np.testing.assert_array_equal(sky.values.get().reshape(expected.shape), expected)
+
+
+@pytest.mark.skipif(INTERPRETED, reason="values, not accesses, are what may go wrong")
+@pytest.mark.parametrize("width", [2.0**-7, 2.0**-14, 2.0**-40])
+def test_blocks_of_voxels_far_from_cubic(session: Session, width: float) -> None:
+    """They are as wide as they are high, so that 2**32 voxels, or more, fit into one."""
+    voxels = np.ones((5120, 3, 2), bool)
+    sky = measure_sky(session, dense(session, voxels), (width, width, 1.0))
+    assert np.prod(sky.side) >= 2**32
+    assert max(sky.side) <= 2**20
+    # Their share of a block is too small to tell.
+    assert not sky.values.get().any()
+
+
+@pytest.mark.skipif(INTERPRETED, reason="values, not accesses, are what may go wrong")
+def test_blocks_with_very_many_voxels_inside(session: Session) -> None:
+    """More than 2**32 in each, of cells that are wholly inside; the last block is cut off."""
+    brick, cells = (1 << 13, 1 << 13, 8), (8, 8, 16383)
+    none = session.zeros((1,), np.uint32)
+    words = pack_bits(np.ones(cells[::-1], bool))
+    empty = np.zeros_like(words)
+    held = Cells(cells, brick, session.upload(empty), session.upload(rank(empty)), 0)
+    shape = 1 << 16, 1 << 16, 131064
+    arrays = VoxelArrays(shape, none, held, session.upload(words))
+    sky = measure_sky(session, arrays, (0.025, 0.025, 1.0))
+    assert sky.side == (1 << 16, 1 << 16, 1640)
+    along = np.full(80, 255, np.uint8)
+    along[-1] = (1504 * 255 + 820) // 1640
+    shares = np.pad(along.reshape(-1, 1, 1), MARGIN)
+    widths = np.array((0.025, 0.025, 1.0)) * sky.side
+    expected = blurred(shares, [blur_weights(sky.reach / width) for width in widths])
+    np.testing.assert_array_equal(sky.values.get().reshape(expected.shape), expected)
 
 
 @pytest.mark.parametrize("deviation", [1e-9, 0.1, 0.7, 2.0, 4.0, 100.0])
