@@ -340,13 +340,15 @@ class Camera:
             return None
         point, normal = (np.array(part) for part in self.cut)
         widths = np.array(grid.spacing)
-        place = (point - grid.origin) / widths
+        # Nothing is drawn so far off, and what is farther would not fit into float32.
+        farthest = 2.0**60 * widths
+        place = np.clip(point - grid.origin, -farthest, farthest) / widths
         across = normal * widths
         across /= np.abs(across).max()
         # So that products with places fit into 62 bits, and those with directions into 43.
         most_bits = min(PLANE_NORMAL_BITS, TIME_BITS - 2 - rays.reach.bit_length())
         whole = _integers(across * (2**most_bits - 1))
-        steps = _integers(np.clip(place, -(2.0**60), 2.0**60) * 2.0**rays.bits)
+        steps = _integers(place * 2.0**rays.bits)
         most = sum(part * at for part, at in zip(whole, steps, strict=True))
         limit = 1 << TIME_BITS
         beyond = *(across.tolist()), float(across @ place)

@@ -268,6 +268,19 @@ def test_a_plane_cuts_a_model_open() -> None:
         assert opaque(clvox.render(model, camera=opened, style=style, **options)).any()
 
 
+@pytest.mark.parametrize("far", [1e30, 1e300, 1.7e308])
+def test_a_plane_may_be_as_far_off_as_numbers_go(far: float) -> None:
+    """Then it cuts away nothing, or everything."""
+    model = box_model()
+    looking = clvox.Camera.around(model)
+    whole, nothing, everything = (
+        clvox.render(model, camera=replace(looking, cut=cut), size=SIZE)
+        for cut in (None, ((far, 0, 0), (1, 0, 0)), ((far, 0, 0), (-1, 0, 0)))
+    )
+    np.testing.assert_array_equal(nothing, whole)
+    assert not everything.any()
+
+
 def test_a_near_plane_opens_what_it_runs_through(ball: clvox.VoxelModel) -> None:
     looking = clvox.Camera((0, -5, 0), (0, 0, 0), height=3.0)
     opened = clvox.Camera((0, -5, 0), (0, 0, 0), height=3.0, near=5.0)
