@@ -82,7 +82,13 @@ def bodies_of(faces: NDArray[np.int32], vertices: int) -> NDArray[np.int64]:
 
 
 def _linear_of(colours: ArrayLike, count: int) -> NDArray[np.float32]:
-    numbers = np.asarray(colours)
+    try:
+        numbers = np.asarray(colours)
+    except ValueError as error:
+        raise GridError(
+            f"colours must be 'bodies' or integers of shape ({count}, 3), a colour for each "
+            "triangle of the mesh, got rows of different lengths"
+        ) from error
     if numbers.shape != (count, 3) or numbers.dtype.kind not in "iu":
         raise GridError(
             f"colours must be 'bodies' or integers of shape ({count}, 3), a colour for each "

@@ -10,7 +10,7 @@ from clvox.errors import GridError
 from clvox.models import VoxelModel
 from clvox.ops.drawing import Picture, draw
 from clvox.ops.raymarch import Scene
-from clvox.ops.shading import Fog, Paint
+from clvox.ops.shading import Coat, Fog, Paint
 from clvox.render.colours import coat_of
 from clvox.render.style import Colour, Material, Style, check_style, fog_of, paint_of
 
@@ -54,7 +54,7 @@ def render(
         Columns and rows of pixels, each from 1 to 16384.
     style : "surface", "voxels" or "volume"
         "surface": the first voxel along each ray that is inside, or that the mesh touches if the
-        model has its normals, lit by Phong's law.  "voxels": their cubes; colours tell voxels that
+        model has its normals, or *colours* are asked for, lit by Phong's law.  "voxels": their cubes; colours tell voxels that
         the mesh touches, others that are inside, and cells that are wholly inside.  "volume":
         light is held back by how far a ray runs inside.
     background : (int, int, int), optional
@@ -115,19 +115,18 @@ def render(
     else:
         look = paint_of(material or Material(), style, background)
     # What a model holds is for the modules below; a picture reads it as the model itself does.
-    drawing, scene = model._drawing, _scene(model, style)  # noqa: SLF001
+    drawing, scene = model._drawing, _scene(model, style, coat)  # noqa: SLF001
     picture = Picture(drawing, scene, view, (columns, rows), many, coat)
     image: NDArray[np.uint8] = draw(picture, look, occlusion=occlusion, adaptive=adaptive).get()
     return image
 
 
-def _scene(model: VoxelModel, style: Style) -> Scene:
+def _scene(model: VoxelModel, style: Style, coat: Coat | None) -> Scene:
     arrays, spacing = model._arrays, model.grid.spacing  # noqa: SLF001
     kept = model._attributes  # noqa: SLF001
-    linked = kept is not None and kept.offsets is not None
     if kept is None or style == "volume":
         return Scene(arrays, spacing)
-    if style == "surface" and kept.normals is None and not linked:
+    if style == "surface" and kept.normals is None and coat is None:
         return Scene(arrays, spacing)
     return Scene(arrays, spacing, kept.touched, kept.normals, -1 if kept.inwards else 1)
 

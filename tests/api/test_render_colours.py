@@ -134,6 +134,7 @@ def test_bodies_are_connected_components(seed: int, count: int) -> None:
     [
         ({"colours": "faces"}, clvox.GridError, "colours must be 'bodies' or a colour for each"),
         ({"colours": [(1, 2, 3)]}, clvox.GridError, "integers of shape (320, 3)"),
+        ({"colours": [[1, 2, 3], [4]]}, clvox.GridError, "rows of different lengths"),
         ({"colours": np.full((320, 3), 256)}, clvox.GridError, "colours must be from 0 to 255"),
         ({"colours": "bodies", "style": "volume"}, clvox.GridError, "for the style 'surface'"),
     ],
@@ -146,6 +147,23 @@ def test_colours_that_make_no_sense_are_refused(
     with pytest.raises(error) as refused:
         clvox.render(model, size=SIZE, **options)
     assert message in str(refused.value)
+
+
+def test_links_alone_change_no_picture() -> None:
+    """Touched voxels are drawn for normals or colours, and for links only if colours are asked."""
+    ball = trimesh.creation.icosphere(subdivisions=2)
+    plain, linked, normal = (
+        clvox.voxelize(ball, resolution=16, attributes=names)
+        for names in ((), ("links",), ("normals", "links"))
+    )
+    pictures = [clvox.render(model, size=SIZE) for model in (plain, linked)]
+    np.testing.assert_array_equal(*pictures)
+    coloured, touched = (
+        clvox.render(linked, size=SIZE, colours="bodies"),
+        clvox.render(normal, size=SIZE),
+    )
+    np.testing.assert_array_equal(coloured[..., 3], touched[..., 3])
+    assert (coloured[..., 3] != pictures[0][..., 3]).any()
 
 
 def test_colours_need_links() -> None:
