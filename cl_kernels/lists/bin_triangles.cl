@@ -4,7 +4,7 @@
  * A tile is SIDE by SIDE rays.  Triangles are counted per tile, the counts scanned, and the numbers
  * of the triangles written, in no particular order: what is made of them is sorted.
  *
- * Host:       clvox/ops/bins.py, bin_triangles()
+ * Host:       clvox/ops/bins.py, Binner
  * Reference:  clvox/reference/lists.py, list_crossings()
  * Tests:      tests/kernels/test_lists.py
  * Defines:    AXIS       axis of the rays: 0, 1 or 2

@@ -6,7 +6,7 @@
  * at a time, one work-item for each crossing: it looks up its place in the other run.  So no
  * work-item does more than a few steps, however long a row is.
  *
- * Host:       clvox/ops/lists.py, sort_rows()
+ * Host:       clvox/ops/sorting.py, sort_rows()
  * Reference:  clvox/reference/lists.py, list_crossings()
  * Tests:      tests/kernels/test_lists.py
  * Defines:    SHORT  longest row that one work-item sorts

@@ -3,7 +3,7 @@
  *
  * They show an edge, so that more rays are worth their time; in all others one is as good.
  *
- * Host:       clvox/ops/raymarch.py, choose_pixels()
+ * Host:       clvox/ops/shading.py, choose_pixels()
  * Reference:  clvox/reference/raymarch.py, uneven_pixels()
  * Tests:      tests/kernels/test_shade.py
  */

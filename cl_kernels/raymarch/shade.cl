@@ -6,7 +6,7 @@
  * voxels around the place where a ray comes in: weighted by their distance from that place, not
  * from a voxel's centre, so that it turns smoothly from voxel to voxel.
  *
- * Host:       clvox/ops/raymarch.py, shade()
+ * Host:       clvox/ops/shading.py, shade()
  * Reference:  clvox/reference/raymarch.py, first_voxels(), says where colour is; colours may differ
  *             from device to device
  * Tests:      tests/kernels/test_shade.py, tests/api/test_render.py

@@ -1,7 +1,7 @@
 /*
  * raymarch/shade_volume.cl: colours of lengths within a solid.
  *
- * Host:       clvox/ops/raymarch.py, shade_volume()
+ * Host:       clvox/ops/shading.py, shade_volume()
  * Reference:  tests/kernels/test_shade.py, in NumPy; colours may differ by rounding
  * Tests:      tests/kernels/test_shade.py
  * Defines:    LISTED, SAMPLES  (raymarch/samples.h)
@@ -12,7 +12,7 @@
 #include "raymarch/samples.h"
 
 /* One work-item colours one pixel, the mean of SAMPLES x SAMPLES rays.
- * size: columns and rows of pixels; density: for each unit of length; counted: opacity is
+ * picture: columns and rows of pixels; density: for each unit of length; counted: opacity is
  * density times length; thin, thick: colours where little and nearly all of the light is held
  * back; background: its colour and opacity.  lengths: (rays,) float32.
  * pixels: (picture.y, picture.x, 4) uint8, sRGB and opacity. */

@@ -67,6 +67,45 @@ def test_kernel_says_where_its_relatives_are(name: str) -> None:
         assert known, f"{name} names {match[1]}, which is not there"
 
 
+def absent_names(source: str) -> list[str]:
+    """Functions and classes of a header's Host and Reference that its Python files do not have."""
+    found = []
+    for label in ("Host", "Reference"):
+        match = re.search(rf"^ \* {label}: +(\S+\.py), (.+)", source, re.MULTILINE)
+        if match is None or match[1].startswith("tests/"):
+            continue
+        text = (ROOT / match[1]).read_text()
+        # Functions end in (); a word that is all there is names a class; other words are words.
+        names = re.findall(r"([\w.]+)\(\)", match[2]) or re.findall(r"^\w+$", match[2])
+        for name in names:
+            lines = [rf"^ *(def|class) {part}\b" for part in name.split(".")]
+            if not all(re.search(line, text, re.MULTILINE) for line in lines):
+                found.append(f"{match[1]}: {name}")
+    return found
+
+
+@pytest.mark.parametrize("name", [name for name in SOURCES if name.endswith(".cl")])
+def test_kernel_names_functions_that_are_there(name: str) -> None:
+    assert absent_names(SOURCES[name]) == []
+
+
+@pytest.mark.parametrize(
+    ("line", "absent"),
+    [
+        ("clvox/ops/bins.py, Binner", []),
+        ("clvox/ops/bins.py, Bin", ["Bin"]),
+        ("clvox/ops/bins.py, visit(), bin_triangles()", ["bin_triangles"]),
+        ("clvox/device/session.py, Session.zeros()", []),
+        ("clvox/device/session.py, Session.ones()", ["Session.ones"]),
+        ("clvox/ops/sorting.py, sort_rows() and others", []),
+        ("clvox/ops/sorting.py", []),
+    ],
+)
+def test_scan_finds_names_that_are_not_there(line: str, absent: list[str]) -> None:
+    found = absent_names(f"/*\n * Host:       {line}\n */")
+    assert found == [f"{line.split(',', maxsplit=1)[0]}: {name}" for name in absent]
+
+
 def test_no_inexact_arithmetic_is_asked_for() -> None:
     """Such options let a compiler reorder what decides geometry."""
     texts = {
