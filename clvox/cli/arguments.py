@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import argparse
+import re
+import sys
 from collections.abc import Sequence
 
 from clvox._version import __version__
@@ -15,10 +17,14 @@ INFO_RESOLUTION = 256
 _SCALES = {"K": 10**3, "M": 10**6, "G": 10**9, "T": 10**12}
 
 
+_SIGNED = ("--cut",)
+"""Options with a list of numbers, the first of which may have a minus sign."""
+
+
 def parse(argv: Sequence[str] | None) -> argparse.Namespace:
     """Return the options; leave with status 2 and a word on the usage if they make no sense."""
     parser = _parser()
-    options = parser.parse_args(argv)
+    options = parser.parse_args(_joined(sys.argv[1:] if argv is None else argv))
     if options.command == "dexelize" and options.thickness and options.axis == "xyz":
         parser.error("--thickness is of rays along one axis; --axis xyz has three")
     if options.command in ("voxelize", "mesh", "render"):
@@ -31,6 +37,22 @@ def parse(argv: Sequence[str] | None) -> argparse.Namespace:
         if not saved and all(value is None for value in asked):
             parser.error("one of -r/--resolution, --pitch and --levels is required")
     return options
+
+
+def _joined(words: Sequence[str]) -> list[str]:
+    """Return *words* with ``--cut -1,0,0`` as ``--cut=-1,0,0``.
+
+    argparse takes a word for an option if it begins with a minus sign and is not a single number.
+    """
+    joined: list[str] = []
+    for place, word in enumerate(words):
+        if word == "--":
+            return joined + list(words[place:])
+        if joined and joined[-1] in _SIGNED and re.match(r"-[\d.]", word):
+            joined[-1] += "=" + word
+        else:
+            joined.append(word)
+    return joined
 
 
 def _plane(text: str) -> tuple[float, ...]:

@@ -19,6 +19,7 @@ from PIL import Image
 
 import clvox
 from clvox.cli import main
+from clvox.cli.arguments import parse
 from clvox.cli.files import bytes_in_words
 from tests.repository import ROOT
 
@@ -254,6 +255,22 @@ def test_pictures_are_cut_and_coloured(ball: Path, tmp_path: Path) -> None:
     assert (coloured[..., 3] > 0).any()
 
 
+@pytest.mark.parametrize(
+    ("words", "cut"),
+    [
+        (["--cut", "-1,0,0"], (-1, 0, 0)),
+        (["--cut", "-.5,0,-2,-3,4,5"], (-0.5, 0, -2, -3, 4, 5)),
+        (["--cut=-1,0,0"], (-1, 0, 0)),
+        (["--cut", "1,-1,0"], (1, -1, 0)),
+    ],
+)
+def test_a_cut_may_begin_with_a_minus_sign(words: list[str], cut: tuple[float, ...]) -> None:
+    for order in (["a.stl", *words], [*words, "a.stl"], [*words, "--", "a.stl"]):
+        options = parse(["render", "-r", "8", "-o", "a.png", *order])
+        assert options.cut == cut
+        assert options.file == "a.stl"
+
+
 def test_demo(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """From the part in the package to a picture, voxels and a mesh of the same volume."""
     folder = tmp_path / "made" / "here"
@@ -313,6 +330,7 @@ def fails(capsys: pytest.CaptureFixture[str], *arguments: str | Path) -> str:
         ["render", "a.npz", "-r", "8", "-o", "a.png"],
         ["render", "a.stl", "-r", "8", "-o", "a.png", "--size", "big"],
         ["render", "a.stl", "-r", "8", "-o", "a.png", "--cut", "1,2"],
+        ["render", "a.stl", "-r", "8", "-o", "a.png", "--cut", "-r", "8"],
         ["render", "a.stl", "-r", "8", "-o", "a.png", "--colours", "faces"],
     ],
 )
