@@ -250,7 +250,9 @@ class Camera:
             Width of the picture by its height.
         """
         low, high = np.asarray(model.bounds, dtype=np.float64)
-        points = getattr(model, "outline", _box_corners(low, high))
+        # A trimesh.Trimesh has an `outline`, too: a method that draws.
+        outline = getattr(model, "outline", None)
+        points = outline if isinstance(outline, np.ndarray) else _box_corners(low, high)
         middle, ahead = (low + high) / 2, _unit("direction", direction)
         size = float(np.linalg.norm(high - low)) or 1.0
         looking = cls(_tuple(middle - ahead * size), _tuple(middle), _triple("up", up), height=size)

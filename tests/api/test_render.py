@@ -216,6 +216,12 @@ def around(**options: Any) -> clvox.Camera:
     return clvox.Camera.around(clvox.Grid((0, 0, 0), 1.0, (2, 2, 2)), **options)
 
 
+def test_a_camera_may_be_around_a_mesh_or_a_grid() -> None:
+    """All that has bounds."""
+    box = trimesh.creation.box(bounds=[(0, 0, 0), (2, 2, 2)])
+    assert clvox.Camera.around(box) == around()
+
+
 def test_perspective_makes_near_things_larger() -> None:
     """The front of a box is wider than its back, and with parallel rays it is not."""
     model = box_model()
