@@ -29,7 +29,7 @@ class Distances:
     """For each block of coarse cells its distance to one that is not empty, in blocks.
 
     The largest of the distances along the axes; 0 for a block that is not empty itself.  A dense
-    model's voxels count as coarse cells, and those that are touched, if they are known, as not empty.
+    model's voxels count as coarse cells; those known to be touched are not empty.
 
     shape: blocks (x, y, z); side: voxels along the sides of one; values: uint8, x fastest.
     states: (cells,) uint32 of `raymarch/states.h`, if blocks are cells of voxels.

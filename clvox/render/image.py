@@ -54,9 +54,9 @@ def render(
         Columns and rows of pixels, each from 1 to 16384.
     style : "surface", "voxels" or "volume"
         "surface": the first voxel along each ray that is inside, or that the mesh touches if the
-        model has its normals, or *colours* are asked for, lit by Phong's law.  "voxels": their cubes; colours tell voxels that
-        the mesh touches, others that are inside, and cells that are wholly inside.  "volume":
-        light is held back by how far a ray runs inside.
+        model has its normals, or *colours* are asked for, lit by Phong's law.  "voxels": their
+        cubes; colours tell voxels that the mesh touches, others that are inside, and cells that are
+        wholly inside.  "volume": light is held back by how far a ray runs inside.
     background : (int, int, int), optional
         Red, green and blue from 0 to 255, in sRGB; by default the background is transparent.
     material : Material, optional
