@@ -26,7 +26,8 @@
 static inline int signs_before(
     const int4 window, const __global ulong *offsets, const __global long *rows, const int3 voxel)
 {
-    const ulong ray = (ulong)(voxel.z - window.x) * (window.w - window.y + 1) + (voxel.x - window.y);
+    const ulong ray
+        = (ulong)(voxel.z - window.x) * (window.w - window.y + 1) + (voxel.x - window.y);
     const ulong stop = offsets[ray + 1];
     const long end = (long)voxel.y << FRACTION_BITS;
     int sum = 0;

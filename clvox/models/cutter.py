@@ -20,6 +20,19 @@ _HALVINGS = 32
 
 Floats = NDArray[np.float64]
 
+FURTHEST = 1e100
+"""Largest coordinate of a path, so that sums and products of coordinates stay finite."""
+
+
+def ahead_of(start: Floats, stop: Floats) -> tuple[Floats, float]:
+    """Return how far a move goes across the axis, as an arrow and as a length.
+
+    A length whose inverse would overflow is 0: the move is a plunge.
+    """
+    ahead: Floats = stop[:2] - start[:2]
+    length = float(np.hypot(*ahead))
+    return ahead, length if length > 1 / FURTHEST else 0.0
+
 
 @dataclass(frozen=True)
 class Cutter:
@@ -35,13 +48,16 @@ class Cutter:
     Raises
     ------
     GridError
-        The radius is not positive and finite, or the corner not between 0 and the radius.
+        The radius is not a positive, finite number, or the corner none between 0 and the radius.
     """
 
     radius: float
     corner: float = 0.0
 
     def __post_init__(self) -> None:
+        for name, value in (("radius", self.radius), ("corner", self.corner)):
+            if isinstance(value, bool) or not isinstance(value, int | float | np.number):
+                raise GridError(f"the {name} of a cutter must be a number, got {value!r}")
         if not 0 < self.radius < np.inf:
             raise GridError(f"the radius of a cutter must be positive, got {self.radius}")
         if not 0 <= self.corner <= self.radius:
@@ -81,8 +97,7 @@ class Cutter:
         not come by.
         """
         found = np.full(x.shape, np.inf)
-        ahead: Floats = stop[:2] - start[:2]
-        length = float(np.hypot(*ahead))
+        ahead, length = ahead_of(start, stop)
         if length == 0:
             away = np.hypot(x - start[0], y - start[1])
             near = away <= self.radius
@@ -112,7 +127,7 @@ class Cutter:
         if self.corner == 0:
             return -float(np.sign(slope)) * reach
         if self.corner == self.radius:
-            return -slope / math.sqrt(1 + slope * slope) * reach
+            return -slope / math.hypot(1, slope) * reach
         flat = self.radius - self.corner
         low, high = -reach, reach.copy()
         for _ in range(_HALVINGS):

@@ -255,7 +255,8 @@ class DexelModel(Combinable):
         """Return what is left after a cutter has moved along a path, and what each move took.
 
         The rays must be along z, as the cutter's axis is.  Each move sweeps an exact volume, of
-        which all is taken that lies in the solid; it ends to 2**-18 of a voxel.
+        which all is taken that lies in the solid; what is left ends to 2**-`fraction_bits` of a
+        voxel.
 
         Parameters
         ----------
@@ -298,10 +299,13 @@ class DexelModel(Combinable):
             )
         moves = list(moves_of(path))
         budget = find_budget(self._session, memory_budget)
+        sources, _ = self._sources.joined(Sources((Source(len(moves)),)))
+        with self._session.job(budget) as job:
+            # Where the rays begin, which whatever is left has: better refused before the work.
+            job.refuse(self._session.size_of(self._crossings.offsets.nbytes))
         work = Work(self.grid, self._frame, self._pieces)
         with drawn(progress=progress, verb="cut", unit="moves") as tell:
             removed, engagement = work.cut_all(cutter, moves, tell)
-        sources, _ = self._sources.joined(Sources((Source(len(moves)),)))
         with self._session.job(budget):
             left = work.left(self._session, sources.starts[-2])
             return Cut(self._with_used(left, sources), removed, engagement)

@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from clvox.errors import GridError
 from clvox.grid import Grid
-from clvox.models.cutter import Cutter, Floats
+from clvox.models.cutter import FURTHEST, Cutter, Floats, ahead_of
 from clvox.ops.dexels import Frame
 from clvox.ops.facets import Progress
 from clvox.ops.lists import CrossingLists
@@ -229,8 +229,7 @@ def _lowest_tip(
     start: Floats, stop: Floats, x: Floats, y: Floats, reach: float
 ) -> tuple[NDArray[np.bool_], Floats]:
     """Return which points the tip comes within *reach* of, seen from above, and how low."""
-    ahead: Floats = stop[:2] - start[:2]
-    length = float(np.hypot(*ahead))
+    ahead, length = ahead_of(start, stop)
     low = np.full(x.shape, min(float(start[2]), float(stop[2])))
     if length == 0:
         return np.hypot(x - start[0], y - start[1]) <= reach, low
@@ -251,7 +250,7 @@ def moves_of(path: ArrayLike) -> Iterator[tuple[Floats, Floats]]:
     Raises
     ------
     GridError
-        It has not that shape, or a number is not finite.
+        It has not that shape, or a number is not finite, or beyond `FURTHEST`.
     """
     try:
         points: Any = np.asarray(path, dtype=np.float64)
@@ -261,6 +260,6 @@ def moves_of(path: ArrayLike) -> Iterator[tuple[Floats, Floats]]:
         ) from None
     if points.ndim != 2 or points.shape[1] != 3 or len(points) < 2:
         raise GridError(f"a path has the shape (n, 3), two points at least, got {points.shape}")
-    if not np.isfinite(points).all():
-        raise GridError("the points of a path must be finite")
+    if not (np.abs(points) <= FURTHEST).all():
+        raise GridError(f"the points of a path must be finite, and none beyond {FURTHEST:g}")
     return itertools.pairwise(points)

@@ -185,6 +185,28 @@ def test_work_is_told_of_and_can_be_ended(session: Session) -> None:
     assert model.cut(CUTTERS[0], path, progress=True).model == whole.model
 
 
+@every_cutter
+@pytest.mark.parametrize("far", [1e-30, 1e-99, 1e-160, 1e-310])
+def test_a_move_that_hardly_moves_is_a_plunge(cutter: Cutter, far: float) -> None:
+    """Its slope, and the square of its slope, would overflow."""
+    model = block()
+    plunge = model.cut(cutter, [(0, 0, 5), (0, 0, 0.25)])
+    hardly = model.cut(cutter, [(0, 0, 5), (far, 0, 0.25)])
+    assert hardly.removed[0] == pytest.approx(plunge.removed[0], rel=1e-4)
+
+
+def test_a_budget_without_room_for_the_rays_is_refused_at_once() -> None:
+    told: list[tuple[int, int]] = []
+    with pytest.raises(clvox.OutOfMemoryError, match="bytes more are needed"):
+        block().cut(
+            CUTTERS[0],
+            [(-5, 0, 1), (5, 0, 1)],
+            memory_budget=64,
+            progress=lambda *now: told.append(now),
+        )
+    assert not told
+
+
 def test_what_is_left_is_within_the_budget_or_refused(session: Session) -> None:
     model, path = block(), [(-5, -3, 1), (5, -3, 1)]
     whole = model.cut(CUTTERS[0], path)
@@ -214,6 +236,9 @@ def test_what_makes_no_sense_is_refused() -> None:
         Cutter.flat(0)
     with pytest.raises(GridError, match="corner of a cutter must be between 0 and its radius"):
         Cutter.bull(1, 2)
+    for values in (("1",), (1, "0"), (True,)):
+        with pytest.raises(GridError, match="of a cutter must be a number"):
+            Cutter(*values)
     model = block()
     for path in ([(0, 0, 0)], [0, 0, 0], [(0, 0), (1, 1)]):
         with pytest.raises(GridError, match="a path has the shape"):
@@ -224,6 +249,8 @@ def test_what_makes_no_sense_is_refused() -> None:
         model.cut("ball", [(0, 0, 0), (1, 1, 1)])  # type: ignore[arg-type]
     with pytest.raises(GridError, match="finite"):
         model.cut(CUTTERS[0], [(0, 0, np.nan), (1, 1, 1)])
+    with pytest.raises(GridError, match=r"none beyond 1e\+100"):
+        model.cut(CUTTERS[0], [(0, 0, 1e308), (1, 0, -1e308)])
     triple = clvox.dexelize(trimesh.creation.box(), resolution=8, axis="xyz")
     with pytest.raises(GridError, match=r"Cut the bundle along z \(model.z.cut\)"):
         triple.cut(CUTTERS[0], [(0, 0, 0), (1, 1, 1)])
