@@ -164,13 +164,16 @@ class Session:
             try:
                 array = cla.empty(self._queue, shape, dtype, allocator=self._pool)
             except (cl.MemoryError, cl.RuntimeError) as error:
-                raise OutOfMemoryError(
-                    f"{self.device} has no room for {nbytes:,} bytes more; {self.nbytes:,} are in "
-                    "use. Use a coarser pitch, or drop models that are no longer needed."
-                ) from error
+                raise self._no_room(nbytes) from error
             if job is not None:
                 job.hold(array, nbytes)
         return array
+
+    def _no_room(self, nbytes: int) -> OutOfMemoryError:
+        return OutOfMemoryError(
+            f"{self.device} has no room for {nbytes:,} bytes more; {self.nbytes:,} are in use. Use "
+            "a coarser pitch, or drop models that are no longer needed."
+        )
 
     def size_of(self, nbytes: int) -> int:
         """Return how many bytes a buffer of *nbytes* takes: the pool rounds up, by a sixteenth."""
@@ -196,6 +199,27 @@ class Session:
         array = self.empty(host.shape, host.dtype)
         if host.size:
             array.set(np.ascontiguousarray(host), self._queue)
+        return array
+
+    def share(self, host: NDArray[Any]) -> cla.Array:
+        """Return *host* for kernels that only read: in place on a processor, else a copy.
+
+        It counts as memory of the device either way.  Whoever calls keeps *host*, unchanged, until
+        all is done that was queued with it.
+        """
+        if self.device.kind != "cpu" or not (host.size and host.flags.c_contiguous):
+            return self.upload(host)
+        nbytes, job = self.size_of(host.nbytes), self.current_job
+        if job is not None:
+            job.refuse(nbytes)
+        flags = cl.mem_flags.READ_ONLY | cl.mem_flags.USE_HOST_PTR
+        try:
+            buffer = cl.Buffer(self._context, flags, hostbuf=host)
+        except (cl.MemoryError, cl.RuntimeError) as error:
+            raise self._no_room(nbytes) from error
+        array = cla.Array(self._queue, host.shape, host.dtype, data=buffer)
+        if job is not None:
+            job.hold(array, nbytes)
         return array
 
     def kernel(self, file: str, name: str, **defines: int) -> cl.Kernel:

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clvox.device import Session
-from clvox.ops.facets import FacetChunks, Facets, Mesh, upload_facets
+from clvox.ops.facets import FacetChunks, Facets, Mesh
 
 BYTES_PER_TRIANGLE = 72
 """What a triangle of a part takes: corners 36, numbers 12, lists 16; and what the pool rounds."""
@@ -45,4 +45,6 @@ class SentMesh:
             most = max(min(room, largest) // BYTES_PER_TRIANGLE, 1)
             self.facets = FacetChunks(self._vertices, self._faces, most)
         elif not isinstance(self.facets, Facets):
-            self.facets = upload_facets(self._session, self._vertices, self._faces)
+            # They stay here as long as they are visited.
+            share = self._session.share
+            self.facets = Facets(share(self._vertices), share(self._faces))

@@ -25,7 +25,7 @@ Progress: TypeAlias = Callable[[int, int], object]
 RUN = 16
 """Triangles in a row that one work-item does, if they are small: neighbours share cells."""
 
-TRIANGLES_PER_LAUNCH = 1 << 19
+TRIANGLES_PER_LAUNCH = 1 << 20
 TILES_PER_LAUNCH = 1 << 16
 
 _TILE_STEPS = 32

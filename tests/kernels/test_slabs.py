@@ -293,6 +293,23 @@ def test_a_job_is_of_one_thread(session: Session) -> None:
     assert found[1].nbytes == 20_000
 
 
+@pytest.mark.parametrize("size", [0, 4, 1000])
+def test_what_is_shared_reads_like_a_copy_and_counts_like_one(session: Session, size: int) -> None:
+    host = np.arange(size, dtype=np.uint32)
+    with session.job(10_000) as job:
+        shared = session.share(host)
+        assert job.nbytes == session.size_of(host.nbytes)
+        read = session.empty(size, np.uint32)
+        if size:
+            kernel = session.kernel("buffers/copy.cl", "copy")
+            session.run(kernel, size // 4, np.uint64(size // 4), shared, read)
+        np.testing.assert_array_equal(read.get(), host, strict=True)
+        with pytest.raises(OutOfMemoryError, match="bytes more are needed"):
+            session.share(np.zeros(10_001, np.uint8))
+        del shared, read
+        assert job.nbytes == 0
+
+
 def test_a_job_counts_its_own_arrays(session: Session) -> None:
     other = session.empty(1000, np.uint8)
     with session.job(10_000) as job:
