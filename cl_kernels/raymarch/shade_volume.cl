@@ -26,7 +26,6 @@ __kernel void shade_volume(
     const ulong number = NUMBER_OF_PIXEL(id);
     float4 sum = (float4)(0.0f);
     for (int sample = 0; sample < SAMPLES * SAMPLES; ++sample) {
-        const int2 ray = ray_of_sample(number, picture.x, sample);
         const float depth = density * lengths[id * (SAMPLES * SAMPLES) + sample];
         const float opacity = counted ? clamp(depth, 0.0f, 1.0f) : 1.0f - exp(-depth);
         sum += over(background, mix(thin, thick, opacity), opacity);
