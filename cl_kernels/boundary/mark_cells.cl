@@ -22,41 +22,34 @@
 #define CELLS 0
 #define VOXELS 1
 
-/* Neighbouring cells often share a word: its bits are gathered, and written when another word's
- * turn comes. */
-#define GATHER_MARKS \
-    static inline void finish(Sink *sink) \
-    { \
-        if (sink->bits) atomic_or(sink->word, sink->bits); \
-    } \
-    static inline void set(Sink *sink, __global uint *word, const uint bit) \
-    { \
-        if (word != sink->word) { \
-            finish(sink); \
-            sink->word = word; \
-            sink->bits = 0; \
-        } \
-        sink->bits |= bit; \
-    }
-
 #if SINK == CELLS
 
 #define SINK_PARAMETERS __global uint *marks
-#define MAKE_SINK(grid) { marks, (grid).y, ((grid).x + 31) / 32, marks, 0 }
+#define MAKE_SINK(grid) { marks, (grid).y, ((grid).x + 31) / 32 }
 typedef struct {
     __global uint *marks;
     int rows, row_words;
-    __global uint *word;
-    uint bits;
 } Sink;
 
-GATHER_MARKS
+#define IDEMPOTENT
+
+/* Many triangles touch a cell: looking first, be the answer late, saves nearly all atomics. */
+static inline void mark_if(
+    Sink *sink, const bool touches, const int3 cell, const ulong triangle)
+{
+    const ulong row = (ulong)cell.z * sink->rows + cell.y;
+    const uint x = (uint)cell.x;
+    __global uint *word = sink->marks + row * sink->row_words + x / 32;
+    const uint bit = (uint)touches << (x % 32);
+    if (bit & ~*word) atomic_or(word, bit);
+}
 
 static inline void mark(Sink *sink, const int3 cell, const ulong triangle)
 {
-    const ulong row = (ulong)cell.z * sink->rows + cell.y;
-    set(sink, sink->marks + row * sink->row_words + cell.x / 32, 1u << (cell.x % 32));
+    mark_if(sink, true, cell, triangle);
 }
+
+static inline void finish(const Sink *sink) {}
 
 #else
 
@@ -73,7 +66,22 @@ typedef struct {
     uint bits;
 } Sink;
 
-GATHER_MARKS
+/* Neighbouring voxels often share a word: its bits are gathered, and written when another word's
+ * turn comes. */
+static inline void finish(Sink *sink)
+{
+    if (sink->bits) atomic_or(sink->word, sink->bits);
+}
+
+static inline void set(Sink *sink, __global uint *word, const uint bit)
+{
+    if (word != sink->word) {
+        finish(sink);
+        sink->word = word;
+        sink->bits = 0;
+    }
+    sink->bits |= bit;
+}
 
 static inline void mark(Sink *sink, const int3 cell, const ulong triangle)
 {

@@ -9,6 +9,11 @@
  *     mark(&sink, cell, triangle)   for each pair, once
  *     finish(&sink)                 when a work-item has no more
  *
+ * A sink that defines IDEMPOTENT may be told of a pair twice; for branches that nobody could
+ * foresee are saved so, and by
+ *
+ *     mark_if(&sink, touches, cell, triangle)   for cells of the grid, touched or not
+ *
  * Defines:    VISIT_HINT attributes of the kernels, if a sink needs any
  *             RUN        triangles in a row that one work-item does directly
  *             DIRECT     most columns of a triangle that is done directly
@@ -25,6 +30,14 @@
 #include "common/tiles.h"
 #include "boundary/flat.h"
 #include "boundary/overlap.h"
+
+#ifndef IDEMPOTENT
+static inline void mark_if(
+    Sink *sink, const bool touches, const int3 cell, const ulong triangle)
+{
+    if (touches) mark(sink, cell, triangle);
+}
+#endif
 
 /* All cells in some columns of a row, first to last, that the triangle touches. */
 static inline void mark_row(
@@ -85,7 +98,7 @@ static void mark_layer(
         const int u = i * cell.x - HALF_STEP;
         for (int j = box.y; j <= box.w; ++j) {
             const int v = j * cell.y - HALF_STEP;
-            if (all_meet(sides, u, v)) mark(sink, restore((int3)(i, j, layer), axis), triangle);
+            mark_if(sink, all_meet(sides, u, v), restore((int3)(i, j, layer), axis), triangle);
         }
     }
 }
@@ -108,6 +121,13 @@ static bool mark_triangle(
     const int3 to = min(last_cell, grid - 1);
     if (to.x < from.x || to.y < from.y || to.z < from.z) return true;
     const int3 more = last_cell - first_cell;
+#ifdef IDEMPOTENT
+    if (more.x + more.y + more.z <= 1) {
+        mark(sink, from, triangle);
+        mark(sink, to, triangle);
+        return true;
+    }
+#endif
     if ((more.x > 0) + (more.y > 0) + (more.z > 0) <= 1) {
         /* One row of cells holds the whole triangle and is touched at both ends: all of it is. */
         for (int z = from.z; z <= to.z; ++z)
