@@ -1,15 +1,16 @@
 /*
  * lists/bin_triangles.cl: the triangles that each tile of rays may meet.
  *
- * A tile is SIDE by SIDE rays.  Triangles are counted per tile, the counts scanned, and the numbers
- * of the triangles written, in no particular order: what is made of them is sorted.
+ * A tile is SIDE_U by SIDE_V rays.  Triangles are counted per tile, the counts scanned, and the
+ * numbers of the triangles written, in no particular order: what is made of them is sorted.
  *
  * Host:       clvox/ops/bins.py, Binner
  * Reference:  clvox/reference/lists.py, list_crossings()
  * Tests:      tests/kernels/test_lists.py
  * Defines:    AXIS       axis of the rays: 0, 1 or 2
  *             STEP_BITS  log2 of the lattice steps in one voxel
- *             SIDE       rays along the side of a tile
+ *             SIDE_U     rays along the sides of a tile
+ *             SIDE_V
  *             PASS       0: COUNT, 1: WRITE
  *             DIRECT     most tiles of a triangle that one work-item does alone
  *             RUN        triangles in a row that one work-item does
@@ -44,14 +45,14 @@ static inline void put(BINS_PARAMETERS, const uint tile, const uint triangle)
 /* The tiles (first u, first v, last u, last v) of the triangle's box, which is in the window. */
 static inline int4 tiles_below(const int4 box, const int4 window)
 {
-    return (int4)((box.x - window.x) / SIDE, (box.y - window.y) / SIDE,
-                  (box.z - window.x) / SIDE, (box.w - window.y) / SIDE);
+    return (int4)((box.x - window.x) / SIDE_U, (box.y - window.y) / SIDE_V,
+                  (box.z - window.x) / SIDE_U, (box.w - window.y) / SIDE_V);
 }
 
 /* Number of a tile; tiles are numbered along v first. */
 static inline uint tile_number(const int4 window, const int u, const int v)
 {
-    return (uint)u * (uint)((window.w - window.y) / SIDE + 1) + (uint)v;
+    return (uint)u * (uint)((window.w - window.y) / SIDE_V + 1) + (uint)v;
 }
 
 /* One work-item does RUN triangles in a row, those of few tiles; the others it lists.

@@ -14,7 +14,8 @@
  *             STEP_BITS      log2 of the lattice steps in one voxel
  *             FRACTION_BITS  of the depths
  *             SINK           0: COUNT, 3: EMIT
- *             SIDE           rays along the side of a tile
+ *             SIDE_U         rays along the sides of a tile
+ *             SIDE_V
  *             SHORT          longest row of crossings that one work-item sorts
  *             GROUP          work-items that do a tile; 1 does without atomic operations
  *             MORE           1 to count triangles after others
@@ -27,7 +28,6 @@
 #define EMIT 3
 #define FIRST 1
 #define LAST 2
-#define RAYS (SIDE * SIDE)
 
 /* Neighbours in a row of rays follow along `fast`: x before y before z. */
 #if AXIS == 1
@@ -37,6 +37,11 @@
 #define FAST_OF(u, v) (u)
 #define SLOW_OF(u, v) (v)
 #endif
+
+/* A tile's rays along fast, along slow, and all. */
+#define WIDE FAST_OF(SIDE_U, SIDE_V)
+#define HIGH SLOW_OF(SIDE_U, SIDE_V)
+#define RAYS (WIDE * HIGH)
 
 #if NUMBERED
 #define NUMBERS_PARAMETER const __global uint *numbers,
@@ -48,10 +53,14 @@
 #define NUMBER_OF(triangle) (triangle)
 #endif
 
+/* Triangles that a work-item loads together, so that it waits for memory once: where it is alone
+ * with its cache, and has the room. */
 #if GROUP == 1
 #define NEXT(counter) ((*(counter))++)
+#define BATCH 32
 #else
 #define NEXT(counter) atomic_inc(counter)
+#define BATCH 1
 #endif
 
 /* next: per ray of the tile, its crossings so far, from the place of its first in the row on. */
@@ -68,14 +77,19 @@ typedef struct {
 
 #if SINK == EMIT
 
-/* What the rasterisers hand on: a crossing's depth. */
+/* A crossing's depth, to the next place of a ray; base: where its row begins. */
+static inline void put(Sink *sink, __local uint *next, const ulong base, const int depth)
+{
+    const ulong at = base + NEXT(next);
+    sink->depths[at] = depth;
+    sink->sides[at] = sink->side;
+}
+
+/* What the other rasteriser hands on. */
 static inline void cross(Sink *sink, const int u, const int v, const int depth)
 {
     const int row = SLOW_OF(u, v) - sink->slow;
-    const uint place = NEXT(sink->next + row * SIDE + (FAST_OF(u, v) - sink->fast));
-    const ulong at = sink->bases[row] + place;
-    sink->depths[at] = depth;
-    sink->sides[at] = sink->side;
+    put(sink, sink->next + row * WIDE + (FAST_OF(u, v) - sink->fast), sink->bases[row], depth);
 }
 
 #endif
@@ -108,9 +122,9 @@ static inline bool is_narrow(const Facet f)
 static inline int4 tile_window(const int4 window, const ulong tile)
 {
     ulong number = tile;
-    const int v = window.y + take_place(&number, (window.w - window.y) / SIDE + 1) * SIDE;
-    const int u = window.x + (int)number * SIDE;
-    return (int4)(u, v, min(u + SIDE - 1, window.z), min(v + SIDE - 1, window.w));
+    const int v = window.y + take_place(&number, (window.w - window.y) / SIDE_V + 1) * SIDE_V;
+    const int u = window.x + (int)number * SIDE_U;
+    return (int4)(u, v, min(u + SIDE_U - 1, window.z), min(v + SIDE_V - 1, window.w));
 }
 
 /* All crossings of the tile's rays with the tile's triangles, into the sink. */
@@ -122,21 +136,27 @@ static inline void cast_tile(
     Found found;
     found.count = 0;
 #endif
-    for (ulong at = first + get_local_id(0); at < last; at += GROUP) {
-        const Facet f = load_facet(faces, vertices, triangles[at]);
-        const int4 box = ray_box(f, rays);
+    Facet batch[BATCH];
+    for (ulong at = first + get_local_id(0); at < last; at += BATCH * GROUP) {
+        const int size = (int)min((ulong)BATCH, (last - at - 1) / GROUP + 1);
+        for (int i = 0; i < size; ++i)
+            batch[i] = load_facet(faces, vertices, triangles[at + i * GROUP]);
+        for (int i = 0; i < size; ++i) {
+            const Facet f = batch[i];
+            const int4 box = ray_box(f, rays);
 #if SINK == EMIT
-        sink->side = NUMBER_OF(triangles[at]) << 1 | f.flipped;
-        if (is_narrow(f) && is_quick(f)) {
-            rasterise_quick(sink, f, box);
-        } else {
-            rasterise(sink, &found, f, box);
-            drain(&found, sink);
-        }
+            sink->side = NUMBER_OF(triangles[at + i * GROUP]) << 1 | f.flipped;
+            if (is_narrow(f) && is_quick(f)) {
+                rasterise_quick(sink, f, box);
+            } else {
+                rasterise(sink, &found, f, box);
+                drain(&found, sink);
+            }
 #else
-        if (is_narrow(f)) count_narrow(sink, f, box);
-        else count_wide(sink, f, box);
+            if (is_narrow(f)) count_narrow(sink, f, box);
+            else count_wide(sink, f, box);
 #endif
+        }
     }
 }
 
@@ -153,12 +173,13 @@ static inline void cast_tile(
  * along fast.  part: as for write_tile.
  * starts: (tiles + 1,) uint64, where each tile's entries of `triangles` begin.
  * rows: (all rays along slow, tiles along fast) uint32, crossings of each row of each tile; and
- * offsets: per ray, takes its number of crossings for now; undefined on entry unless MORE. */
+ * counts: (tiles along slow, tiles along fast, HIGH, WIDE) uint32, of each ray, those of a tile
+ * close together; undefined on entry unless MORE. */
 __kernel void count_tile(
     const ulong first, const ulong last, const int4 window, const int along, const int part,
     const __global int *restrict faces, const __global int *restrict vertices, NUMBERS_PARAMETER
     const __global ulong *restrict starts, const __global uint *restrict triangles,
-    __global uint *restrict rows, __global ulong *restrict offsets)
+    __global uint *restrict rows, __global uint *restrict counts)
 {
     __local uint next[RAYS];
     const ulong tile = first + get_global_id(0) / GROUP;
@@ -175,17 +196,13 @@ __kernel void count_tile(
             &sink, rays, faces, vertices, NUMBERS triangles, starts[tile], starts[tile + 1]);
     barrier(CLK_LOCAL_MEM_FENCE);
     if (!live) return;
-    const int count = FAST_OF(rays.z, rays.w) - sink.fast + 1;
-    const int tiles_along = (along - 1) / SIDE + 1;
+    const ulong tiles_along = (along - 1) / WIDE + 1;
+    __global uint *kept = counts + RAYS * (sink.slow / HIGH * tiles_along + sink.fast / WIDE);
+    for (int ray = get_local_id(0); ray < RAYS; ray += GROUP) ADD_TO(kept[ray], next[ray]);
     for (int row = get_local_id(0); row <= SLOW_OF(rays.z, rays.w) - sink.slow; row += GROUP) {
-        const ulong slow = sink.slow + row;
-        __global ulong *counts = offsets + slow * along + sink.fast;
-        __global uint *in_row = rows + slow * tiles_along + sink.fast / SIDE;
+        __global uint *in_row = rows + (sink.slow + row) * tiles_along + sink.fast / WIDE;
         uint sum = 0;
-        for (int ray = 0; ray < count; ++ray) {
-            ADD_TO(counts[ray], next[row * SIDE + ray]);
-            sum += next[row * SIDE + ray];
-        }
+        for (int ray = 0; ray < WIDE; ++ray) sum += next[row * WIDE + ray];
         ADD_TO(*in_row, sum);
     }
 }
@@ -213,10 +230,9 @@ static inline void sort_row(__global int *depths, __global uint *sides, const ui
 /* One group writes the crossings of one tile.
  * part: FIRST if no other triangles have been written before, and LAST if none come after.
  * all_rays, total: of all windows, and crossings of theirs.
- * row_starts: (rows,) uint64, exclusive prefix sum of `rows`.
- * offsets: (all_rays + 1,) uint64, per ray from its number of crossings to where they begin, and
- * between the parts to where those of the next are to go; the last entry, undefined on entry,
- * takes the total.
+ * row_starts: (rows,) uint64, exclusive prefix sum of `rows`; counts: those of count_tile.
+ * offsets: (all_rays + 1,) uint64, undefined on entry to the first part, where each ray's crossings
+ * begin, but between the parts where those of the next are to go; the last entry is the total.
  * depths: int32, sides: triangle * 2 + (1 if the ray goes in), undefined on entry.
  * found: (2,) uint32, zero on entry: rays with more than SHORT crossings, and the most of them;
  * they are not sorted.  list: their numbers; lengths: of crossings, in the same order, which is
@@ -226,12 +242,13 @@ __kernel void write_tile(
     const __global int *restrict faces, const __global int *restrict vertices, NUMBERS_PARAMETER
     const __global ulong *restrict starts, const __global uint *restrict triangles,
     const ulong all_rays, const ulong total, const __global ulong *restrict row_starts,
+    const __global uint *restrict counts,
     __global ulong *restrict offsets,
     __global int *depths, __global uint *sides,
     __global uint *found, __global ulong *restrict list, __global uint *restrict lengths)
 {
     __local uint next[RAYS];
-    __local ulong bases[SIDE];
+    __local ulong bases[HIGH];
     const ulong tile = first + get_global_id(0) / GROUP;
     const bool live = tile < last;
     const int4 rays = tile_window(window, live ? tile : first);
@@ -244,20 +261,21 @@ __kernel void write_tile(
     sink.sides = sides;
     const int count = FAST_OF(rays.z, rays.w) - sink.fast + 1;
     const int height = SLOW_OF(rays.z, rays.w) - sink.slow + 1;
-    const int tiles_along = (along - 1) / SIDE + 1;
+    const ulong tiles_along = (along - 1) / WIDE + 1;
+    const __global uint *kept
+        = counts + RAYS * (sink.slow / HIGH * tiles_along + sink.fast / WIDE);
     for (int row = get_local_id(0); live && row < height; row += GROUP) {
         const ulong slow = sink.slow + row;
         __global ulong *begins = offsets + slow * along + sink.fast;
-        const ulong base = row_starts[slow * tiles_along + sink.fast / SIDE];
+        const ulong base = row_starts[slow * tiles_along + sink.fast / WIDE];
         uint place = 0;
         for (int ray = 0; (part & FIRST) && ray < count; ++ray) {
-            const uint length = (uint)begins[ray];
             begins[ray] = base + place;
-            next[row * SIDE + ray] = place;
-            place += length;
+            next[row * WIDE + ray] = place;
+            place += kept[row * WIDE + ray];
         }
         for (int ray = 0; !(part & FIRST) && ray < count; ++ray)
-            next[row * SIDE + ray] = (uint)(begins[ray] - base);
+            next[row * WIDE + ray] = (uint)(begins[ray] - base);
         bases[row] = base;
     }
     if (tile == 0 && get_local_id(0) == 0) offsets[all_rays] = total;
@@ -267,9 +285,9 @@ __kernel void write_tile(
             &sink, rays, faces, vertices, NUMBERS triangles, starts[tile], starts[tile + 1]);
     barrier(CLK_LOCAL_MEM_FENCE | CLK_GLOBAL_MEM_FENCE);
     if (!live) return;
-    for (int ray = get_local_id(0); ray < height * SIDE; ray += GROUP) {
-        const int row = ray / SIDE;
-        const int at = ray - row * SIDE;
+    for (int ray = get_local_id(0); ray < height * WIDE; ray += GROUP) {
+        const int row = ray / WIDE;
+        const int at = ray - row * WIDE;
         if (at >= count) continue;
         __global ulong *begins = offsets + (ulong)(sink.slow + row) * along + sink.fast;
         if (!(part & LAST)) {

@@ -44,7 +44,7 @@ class Bins(NamedTuple):
 
 @dataclass(frozen=True)
 class Binner:
-    """How a mesh's triangles are binned by tiles of *side* by *side* rays.
+    """How a mesh's triangles are binned by tiles of *tile* rays, along u and v.
 
     direct: most tiles of a triangle that one work-item does.  room: bytes that the bins of a
     window may take, if it has more than one tile.
@@ -54,7 +54,7 @@ class Binner:
     mesh: Mesh
     bits: int
     axis: int
-    side: int
+    tile: tuple[int, int]
     direct: int = DIRECT
     room: int | None = None
 
@@ -66,7 +66,7 @@ class Binner:
         """
         if self._has_room(window, 0) and self._visit_whole(window, do):
             return
-        for half in _halves(window, self.side):
+        for half in _halves(window, self.tile):
             self.visit(half, do)
 
     def _visit_whole(self, window: Window, do: Callable[[Bins], None]) -> bool:
@@ -100,7 +100,7 @@ class Binner:
         return True
 
     def _has_room(self, window: Window, pairs: int) -> bool:
-        tiles = _tiles(window, self.side)
+        tiles = _tiles(window, self.tile)
         needed = _BYTES_PER_TILE * (tiles + 1) + _BYTES_PER_PAIR * pairs
         return self.room is None or tiles == 1 or needed <= self.room
 
@@ -108,11 +108,12 @@ class Binner:
         """Most triangles, each as often as it has tiles, that a part has."""
         low, high = (corners.astype(np.int64) for corners in mesh.boxes)
         counts = np.ones(mesh.triangles, np.int64)
-        for place, first, stop in zip((1, 2), window[:2], window[2:], strict=True):
+        spans = zip((1, 2), window[:2], window[2:], self.tile, strict=True)
+        for place, first, stop, side in spans:
             axis = (self.axis + place) % 3
             lowest = np.clip(-(-low[:, axis] >> self.bits), first, stop - 1)
             highest = np.clip(high[:, axis] >> self.bits, first, stop - 1)
-            lowest, highest = (lowest - first) // self.side, (highest - first) // self.side
+            lowest, highest = (lowest - first) // side, (highest - first) // side
             counts *= np.maximum(highest - lowest + 1, 0)
         if not len(counts):
             return 0
@@ -120,7 +121,7 @@ class Binner:
 
     def _count(self, window: Window, facets: Facets) -> tuple[cla.Array, cla.Array, int]:
         """Triangles of each tile, where they begin, and how many there are in all."""
-        counts = self.session.zeros(_tiles(window, self.side) + 1, np.uint32)
+        counts = self.session.zeros(_tiles(window, self.tile) + 1, np.uint32)
         self._run(window, facets, 0, counts)
         starts, pairs = prefix_sum(self.session, counts, bits=64)
         return counts, starts, pairs
@@ -134,22 +135,23 @@ class Binner:
         return triangles
 
     def _run(self, window: Window, facets: Facets, number: int, *sink: cla.Array) -> None:
-        defines = {"AXIS": self.axis, "STEP_BITS": self.bits, "SIDE": self.side}
+        defines = {"AXIS": self.axis, "STEP_BITS": self.bits}
+        defines |= dict(zip(("SIDE_U", "SIDE_V"), self.tile, strict=True))
         defines |= {"DIRECT": self.direct, "PASS": number}
         visit_facets(self.session, _FILE, "bin", facets, window.box, sink, defines)
 
 
-def _tiles(window: Window, side: int) -> int:
-    """How many tiles of *side* by *side* rays a window has."""
-    along_u, along_v = window.sides
-    return -(-along_u // side) * -(-along_v // side)
+def _tiles(window: Window, tile: tuple[int, int]) -> int:
+    """How many tiles of *tile* rays a window has."""
+    (along_u, along_v), (side_u, side_v) = window.sides, tile
+    return -(-along_u // side_u) * -(-along_v // side_v)
 
 
-def _halves(window: Window, side: int) -> tuple[Window, Window]:
+def _halves(window: Window, tile: tuple[int, int]) -> tuple[Window, Window]:
     """The window cut in two between tiles, across the side that has more of them."""
-    along_u, along_v = (-(-count // side) for count in window.sides)
+    along_u, along_v = (-(-count // side) for count, side in zip(window.sides, tile, strict=True))
     if along_u >= along_v:
-        middle = window.first_u + along_u // 2 * side
+        middle = window.first_u + along_u // 2 * tile[0]
         return window._replace(stop_u=middle), window._replace(first_u=middle)
-    middle = window.first_v + along_v // 2 * side
+    middle = window.first_v + along_v // 2 * tile[1]
     return window._replace(stop_v=middle), window._replace(first_v=middle)

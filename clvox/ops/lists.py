@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -20,8 +21,11 @@ from clvox.ops.facets import Mesh, Progress
 from clvox.ops.scan import prefix_sum
 from clvox.ops.sorting import CROSSINGS_PER_LAUNCH, SHORT, sort_rows
 
+WIDE_TILE = 256, 64
+"""Rays of a tile where one work-item does it in a cache: neighbours follow along the first side."""
+
 LARGEST_SIDE, SMALLEST_SIDE, MOST_TILES = 64, 8, 256
-"""Rays along the side of a tile; a small bundle has smaller tiles, so that there are many."""
+"""Rays along the sides of other tiles; a small bundle has smaller ones, so that there are many."""
 
 LEAST_TILES = 1 << 6
 """So many tiles a launch may have in any case, since fewer would not keep a processor busy."""
@@ -86,18 +90,19 @@ def list_crossings(
     axis: int,
     *,
     direct: int = bins.DIRECT,
-    side: int | None = None,
+    tile: tuple[int, int] | None = None,
     short: int = SHORT,
     group: int | None = None,
     room: int | None = None,
 ) -> CrossingLists:
     """Return the crossings of every ray along *axis* of a grid of *shape* voxels.
 
-    direct, side, short, group: most tiles of a triangle that one work-item does, rays along the
-    side of a tile, longest row that one work-item sorts, work-items to a tile.  room: bytes to work
-    in, if there is enough for one tile.  The result does not depend on them.
+    direct, tile, short, group: most tiles of a triangle that one work-item does, rays along the
+    sides of a tile (that in which rays are numbered first), longest row that one work-item sorts,
+    work-items to a tile.  room: bytes to work in, if there is enough for one tile.  The result does
+    not depend on them.
     """
-    listing = Listing(session, bits, shape, axis, direct, side, short, group)
+    listing = Listing(session, bits, shape, axis, direct, tile, short, group)
     listing.count(facets, room)
     return listing.write(facets, room)
 
@@ -118,7 +123,7 @@ class Listing:
         shape: Shape,
         axis: int,
         direct: int = bins.DIRECT,
-        side: int | None = None,
+        tile: tuple[int, int] | None = None,
         short: int = SHORT,
         group: int | None = None,
     ) -> None:
@@ -127,12 +132,12 @@ class Listing:
         self._axis = axis
         self._window = Window.whole(shape, axis)
         self._direct = direct
-        self._side = side or _side_of(self._window)
+        self._tile = tile or _tile_of(session, self._window)
         self._short = short
         self._group = group or (1 if session.device.kind == "cpu" else GROUP)
-        self._along, slow = _sorted_sides(self._window, axis)
+        self._along, _ = _sorted_sides(self._window, axis)
         self._offsets = session.empty(self._window.rays + 1, np.uint64)
-        self._row_counts = slow * -(-self._along // self._side)
+        self._rows, self._places = _rows_and_places(self._window, axis, self._tile)
         self._kept: Bins | None = None
         self.total = 0
 
@@ -140,16 +145,16 @@ class Listing:
     def nbytes_of(session: Session, shape: Shape, axis: int) -> tuple[int, int]:
         """Return the bytes of a bundle's offsets, and of what counting takes beside them."""
         window = Window.whole(shape, axis)
-        along, slow = _sorted_sides(window, axis)
-        rows = slow * -(-along // _side_of(window))
-        # Counts, their sums, and sums of many.
-        return 8 * (window.rays + 1), sum(session.size_of(size * rows) for size in (4, 8, 1))
+        rows, places = _rows_and_places(window, axis, _tile_of(session, window))
+        # Counts of rays and of rows, sums of those, and sums of many.
+        sizes = 4 * places, 4 * rows, 8 * rows, rows
+        return 8 * (window.rays + 1), sum(map(session.size_of, sizes))
 
     @property
     def work_nbytes(self) -> int:
         """Bytes that writing takes beside the result and the bins, once all are counted."""
         room = self._room_for_long
-        sizes = 8 * self._row_counts, 8 * room, 4 * (room + 1)
+        sizes = 4 * self._places, 8 * self._rows, 8 * room, 4 * (room + 1)
         return sum(map(self._session.size_of, sizes))
 
     @property
@@ -162,10 +167,11 @@ class Listing:
     def count(self, mesh: Mesh, room: int | None = None, progress: Progress | None = None) -> None:
         """Count the crossings of each ray; bins may take *room* bytes."""
         done = _Done(self._window, progress)
-        rows = self._session.empty(self._row_counts, np.uint32)
+        rows = self._session.empty(self._rows, np.uint32)
+        self._counts = self._session.empty(self._places, np.uint32)
 
         def visit(found: Bins) -> None:
-            self._run("count_tile", _COUNT, found, (rows, self._offsets), done)
+            self._run("count_tile", _COUNT, found, (rows, self._counts), done)
             if found.first and found.last and found.window == self._window:
                 self._kept = found
 
@@ -192,7 +198,7 @@ class Listing:
         lengths = session.zeros(self._room_for_long + 1, np.uint32)
         lists = self._offsets, depth, sides
         ends = np.uint64(self._window.rays), np.uint64(self.total)
-        outputs = *ends, self._row_starts, *lists, found, listed, lengths
+        outputs = *ends, self._row_starts, self._counts, *lists, found, listed, lengths
 
         def visit(bins: Bins) -> None:
             self._run("write_tile", _EMIT, bins, outputs, done)
@@ -212,8 +218,14 @@ class Listing:
         """Most rows that no work-item can sort alone."""
         return max(1, min(self._window.rays, self.total // (self._short + 1)))
 
+    @property
+    def _sides(self) -> tuple[int, int]:
+        """Rays of a tile along u and v."""
+        wide, high = self._tile
+        return (high, wide) if self._axis == 1 else (wide, high)
+
     def _binner(self, mesh: Mesh, room: int | None) -> Binner:
-        how = self._bits, self._axis, self._side, self._direct
+        how = self._bits, self._axis, self._sides, self._direct
         return Binner(self._session, mesh, *how, room)
 
     def _run(
@@ -225,7 +237,8 @@ class Listing:
         done: _Done,
     ) -> None:
         """Run a kernel for all tiles of a window."""
-        defines = {"AXIS": self._axis, "STEP_BITS": self._bits, "SIDE": self._side}
+        defines = {"AXIS": self._axis, "STEP_BITS": self._bits}
+        defines |= dict(zip(("SIDE_U", "SIDE_V"), self._sides, strict=True))
         defines |= {"FRACTION_BITS": fraction_bits(self._bits), "SINK": sink}
         defines |= {"SHORT": self._short, "GROUP": self._group}
         numbers = () if bins.numbers is None else (bins.numbers,)
@@ -247,8 +260,9 @@ class Listing:
         starts = bins.starts.get().astype(np.int64)
         # A triangle costs its share of the rays of its tiles, more or less, and a tile its rays.
         share = 4 * bins.window.rays // max(bins.facets.triangles, 1) + 8
-        steps = np.minimum(share, self._side**2) * starts
-        steps += self._side**2 * np.arange(len(starts))
+        rays = math.prod(self._tile)
+        steps = np.minimum(share, rays) * starts
+        steps += rays * np.arange(len(starts))
         filling = sessions.ITEMS_PER_LAUNCH // self._group
         least = LEAST_TILES if self._group == 1 else max(LEAST_TILES, filling)
         first, tiles = 0, len(starts) - 1
@@ -281,12 +295,25 @@ def _sorted_sides(window: Window, axis: int) -> tuple[int, int]:
     return (along_v, along_u) if axis == 1 else (along_u, along_v)
 
 
-def _side_of(window: Window) -> int:
-    """Rays along the side of a tile: few enough that all of a device has work."""
+def _tile_of(session: Session, window: Window) -> tuple[int, int]:
+    """Rays along the sides of a tile: few enough that all of a device has work."""
+    device, rays = session.device, math.prod(WIDE_TILE)
+    # Counters of rays, and where rows begin; the driver may need some, too.
+    local = 4 * rays + 16 * WIDE_TILE[1]
+    room = device.kind == "cpu" and local <= device.handle.local_mem_size
+    if room and window.rays >= MOST_TILES * rays:
+        return WIDE_TILE
     side = LARGEST_SIDE
     while side > SMALLEST_SIDE and window.rays < MOST_TILES * side * side:
         side //= 2
-    return side
+    return side, side
+
+
+def _rows_and_places(window: Window, axis: int, tile: tuple[int, int]) -> tuple[int, int]:
+    """Rows of rays of all tiles, and rays of tiles that are all whole."""
+    (along, slow), (wide, high) = _sorted_sides(window, axis), tile
+    tiles = -(-along // wide)
+    return slow * tiles, -(-slow // high) * high * tiles * wide
 
 
 def _sort_long(

@@ -106,17 +106,18 @@ def test_touching_boxes_meet_at_one_depth_in_the_order_of_their_triangles(sessio
 
 @every_axis
 @pytest.mark.parametrize(
-    "group, side, direct, short", [(1, 3, 16, 2), (4, 2, 1, 32), (64, 8, 2, 1)]
+    "group, tile, direct, short",
+    [(1, (3, 3), 16, 2), (1, (4, 2), 1, 32), (4, (2, 3), 1, 32), (64, (8, 8), 2, 1)],
 )
 def test_tiles_groups_and_short_rows_change_nothing(
-    session: Session, axis: Axis, group: int, side: int, direct: int, short: int
+    session: Session, axis: Axis, group: int, tile: tuple[int, int], direct: int, short: int
 ) -> None:
     for mesh in meshes_for(8, 8, 9, SHAPE):
         facets = upload(session, mesh)
         expected = twin.list_crossings(*mesh, 9, SHAPE, axis, 16)
         found = list_crossings(
             session, facets, 9, SHAPE, AXES[axis],
-            direct=direct, side=side, short=short, group=group,
+            direct=direct, tile=tile, short=short, group=group,
         )  # fmt: skip
         assert_same(found, expected)
 
@@ -138,7 +139,7 @@ def test_many_triangles_to_a_tile_are_cut_into_launches(
     monkeypatch.setattr(sessions, "STEPS_PER_LAUNCH", 120)
     monkeypatch.setattr(sessions, "ITEMS_PER_LAUNCH", 64)
     monkeypatch.setattr(lists, "LEAST_TILES", 1)
-    assert_same(list_crossings(session, facets, 8, SHAPE, 2, side=1, group=4), expected)
+    assert_same(list_crossings(session, facets, 8, SHAPE, 2, tile=(1, 1), group=4), expected)
     # Thirty tiles: sixteen are enough to fill a device, and more would have too many steps.
     assert launches == {"count_tile": [64, 56], "write_tile": [64, 56]}
 
@@ -155,7 +156,7 @@ def test_parts_and_windows_change_nothing(
         expected = twin.list_crossings(*mesh, 9, SHAPE, axis, 16)
         for group in (1, 4):
             found = list_crossings(
-                session, facets, 9, SHAPE, AXES[axis], side=2, group=group, room=room
+                session, facets, 9, SHAPE, AXES[axis], tile=(2, 2), group=group, room=room
             )
             assert_same(found, expected)
 
@@ -177,7 +178,7 @@ def test_little_room_cuts_windows_between_tiles(session: Session) -> None:
             tiles = bins.starts.size - 1
             assert tiles == 1 or 12 * (tiles + 1) + 4 * bins.triangles.size <= room  # noqa: B023
 
-        Binner(session, chunks, 9, 2, 2, room=room).visit(whole, note)
+        Binner(session, chunks, 9, 2, (2, 2), room=room).visit(whole, note)
         windows = {window for window, _, _ in met}
         assert len(windows) >= few
         assert sum(window.rays for window in windows) == whole.rays
