@@ -173,13 +173,12 @@ static inline void cast_tile(
  * along fast.  part: as for write_tile.
  * starts: (tiles + 1,) uint64, where each tile's entries of `triangles` begin.
  * rows: (all rays along slow, tiles along fast) uint32, crossings of each row of each tile; and
- * counts: (tiles along slow, tiles along fast, HIGH, WIDE) uint32, of each ray, those of a tile
- * close together; undefined on entry unless MORE. */
+ * offsets: per ray, takes its number of crossings for now; undefined on entry unless MORE. */
 __kernel void count_tile(
     const ulong first, const ulong last, const int4 window, const int along, const int part,
     const __global int *restrict faces, const __global int *restrict vertices, NUMBERS_PARAMETER
     const __global ulong *restrict starts, const __global uint *restrict triangles,
-    __global uint *restrict rows, __global uint *restrict counts)
+    __global uint *restrict rows, __global ulong *restrict offsets)
 {
     __local uint next[RAYS];
     const ulong tile = first + get_global_id(0) / GROUP;
@@ -196,13 +195,17 @@ __kernel void count_tile(
             &sink, rays, faces, vertices, NUMBERS triangles, starts[tile], starts[tile + 1]);
     barrier(CLK_LOCAL_MEM_FENCE);
     if (!live) return;
-    const ulong tiles_along = (along - 1) / WIDE + 1;
-    __global uint *kept = counts + RAYS * (sink.slow / HIGH * tiles_along + sink.fast / WIDE);
-    for (int ray = get_local_id(0); ray < RAYS; ray += GROUP) ADD_TO(kept[ray], next[ray]);
+    const int count = FAST_OF(rays.z, rays.w) - sink.fast + 1;
+    const int tiles_along = (along - 1) / WIDE + 1;
     for (int row = get_local_id(0); row <= SLOW_OF(rays.z, rays.w) - sink.slow; row += GROUP) {
-        __global uint *in_row = rows + (sink.slow + row) * tiles_along + sink.fast / WIDE;
+        const ulong slow = sink.slow + row;
+        __global ulong *counts = offsets + slow * along + sink.fast;
+        __global uint *in_row = rows + slow * tiles_along + sink.fast / WIDE;
         uint sum = 0;
-        for (int ray = 0; ray < WIDE; ++ray) sum += next[row * WIDE + ray];
+        for (int ray = 0; ray < count; ++ray) {
+            ADD_TO(counts[ray], next[row * WIDE + ray]);
+            sum += next[row * WIDE + ray];
+        }
         ADD_TO(*in_row, sum);
     }
 }
@@ -230,9 +233,10 @@ static inline void sort_row(__global int *depths, __global uint *sides, const ui
 /* One group writes the crossings of one tile.
  * part: FIRST if no other triangles have been written before, and LAST if none come after.
  * all_rays, total: of all windows, and crossings of theirs.
- * row_starts: (rows,) uint64, exclusive prefix sum of `rows`; counts: those of count_tile.
- * offsets: (all_rays + 1,) uint64, undefined on entry to the first part, where each ray's crossings
- * begin, but between the parts where those of the next are to go; the last entry is the total.
+ * row_starts: (rows,) uint64, exclusive prefix sum of `rows`.
+ * offsets: (all_rays + 1,) uint64, per ray from its number of crossings to where they begin, and
+ * between the parts to where those of the next are to go; the last entry, undefined on entry,
+ * takes the total.
  * depths: int32, sides: triangle * 2 + (1 if the ray goes in), undefined on entry.
  * found: (2,) uint32, zero on entry: rays with more than SHORT crossings, and the most of them;
  * they are not sorted.  list: their numbers; lengths: of crossings, in the same order, which is
@@ -242,7 +246,6 @@ __kernel void write_tile(
     const __global int *restrict faces, const __global int *restrict vertices, NUMBERS_PARAMETER
     const __global ulong *restrict starts, const __global uint *restrict triangles,
     const ulong all_rays, const ulong total, const __global ulong *restrict row_starts,
-    const __global uint *restrict counts,
     __global ulong *restrict offsets,
     __global int *depths, __global uint *sides,
     __global uint *found, __global ulong *restrict list, __global uint *restrict lengths)
@@ -261,18 +264,17 @@ __kernel void write_tile(
     sink.sides = sides;
     const int count = FAST_OF(rays.z, rays.w) - sink.fast + 1;
     const int height = SLOW_OF(rays.z, rays.w) - sink.slow + 1;
-    const ulong tiles_along = (along - 1) / WIDE + 1;
-    const __global uint *kept
-        = counts + RAYS * (sink.slow / HIGH * tiles_along + sink.fast / WIDE);
+    const int tiles_along = (along - 1) / WIDE + 1;
     for (int row = get_local_id(0); live && row < height; row += GROUP) {
         const ulong slow = sink.slow + row;
         __global ulong *begins = offsets + slow * along + sink.fast;
         const ulong base = row_starts[slow * tiles_along + sink.fast / WIDE];
         uint place = 0;
         for (int ray = 0; (part & FIRST) && ray < count; ++ray) {
+            const uint length = (uint)begins[ray];
             begins[ray] = base + place;
             next[row * WIDE + ray] = place;
-            place += kept[row * WIDE + ray];
+            place += length;
         }
         for (int ray = 0; !(part & FIRST) && ray < count; ++ray)
             next[row * WIDE + ray] = (uint)(begins[ray] - base);

@@ -135,9 +135,9 @@ class Listing:
         self._tile = tile or _tile_of(session, self._window)
         self._short = short
         self._group = group or (1 if session.device.kind == "cpu" else GROUP)
-        self._along, _ = _sorted_sides(self._window, axis)
+        self._along, slow = _sorted_sides(self._window, axis)
         self._offsets = session.empty(self._window.rays + 1, np.uint64)
-        self._rows, self._places = _rows_and_places(self._window, axis, self._tile)
+        self._rows = slow * -(-self._along // self._tile[0])
         self._kept: Bins | None = None
         self.total = 0
 
@@ -145,16 +145,16 @@ class Listing:
     def nbytes_of(session: Session, shape: Shape, axis: int) -> tuple[int, int]:
         """Return the bytes of a bundle's offsets, and of what counting takes beside them."""
         window = Window.whole(shape, axis)
-        rows, places = _rows_and_places(window, axis, _tile_of(session, window))
-        # Counts of rays and of rows, sums of those, and sums of many.
-        sizes = 4 * places, 4 * rows, 8 * rows, rows
-        return 8 * (window.rays + 1), sum(map(session.size_of, sizes))
+        along, slow = _sorted_sides(window, axis)
+        rows = slow * -(-along // _tile_of(session, window)[0])
+        # Counts, their sums, and sums of many.
+        return 8 * (window.rays + 1), sum(session.size_of(size * rows) for size in (4, 8, 1))
 
     @property
     def work_nbytes(self) -> int:
         """Bytes that writing takes beside the result and the bins, once all are counted."""
         room = self._room_for_long
-        sizes = 4 * self._places, 8 * self._rows, 8 * room, 4 * (room + 1)
+        sizes = 8 * self._rows, 8 * room, 4 * (room + 1)
         return sum(map(self._session.size_of, sizes))
 
     @property
@@ -168,10 +168,9 @@ class Listing:
         """Count the crossings of each ray; bins may take *room* bytes."""
         done = _Done(self._window, progress)
         rows = self._session.empty(self._rows, np.uint32)
-        self._counts = self._session.empty(self._places, np.uint32)
 
         def visit(found: Bins) -> None:
-            self._run("count_tile", _COUNT, found, (rows, self._counts), done)
+            self._run("count_tile", _COUNT, found, (rows, self._offsets), done)
             if found.first and found.last and found.window == self._window:
                 self._kept = found
 
@@ -198,7 +197,7 @@ class Listing:
         lengths = session.zeros(self._room_for_long + 1, np.uint32)
         lists = self._offsets, depth, sides
         ends = np.uint64(self._window.rays), np.uint64(self.total)
-        outputs = *ends, self._row_starts, self._counts, *lists, found, listed, lengths
+        outputs = *ends, self._row_starts, *lists, found, listed, lengths
 
         def visit(bins: Bins) -> None:
             self._run("write_tile", _EMIT, bins, outputs, done)
@@ -307,13 +306,6 @@ def _tile_of(session: Session, window: Window) -> tuple[int, int]:
     while side > SMALLEST_SIDE and window.rays < MOST_TILES * side * side:
         side //= 2
     return side, side
-
-
-def _rows_and_places(window: Window, axis: int, tile: tuple[int, int]) -> tuple[int, int]:
-    """Rows of rays of all tiles, and rays of tiles that are all whole."""
-    (along, slow), (wide, high) = _sorted_sides(window, axis), tile
-    tiles = -(-along // wide)
-    return slow * tiles, -(-slow // high) * high * tiles * wide
 
 
 def _sort_long(
