@@ -94,16 +94,24 @@ static inline void cross(Sink *sink, const int u, const int v, const int depth)
 
 #endif
 
+#include "lists/lanes.h"
+
 #if SINK == EMIT
 #define EDGE_BITS 64
 #include "crossings/rasterise.h"
 #include "lists/rasterise_quick.h"
+#else
+#if GROUP == 1
+#include "lists/count_lanes.h"
+#define COUNT_NARROW count_lanes
 #else
 #define EDGE int
 #define COUNT_COVERED count_narrow
 #include "lists/count_covered.h"
 #undef EDGE
 #undef COUNT_COVERED
+#define COUNT_NARROW count_narrow
+#endif
 #define EDGE long
 #define COUNT_COVERED count_wide
 #include "lists/count_covered.h"
@@ -153,7 +161,7 @@ static inline void cast_tile(
                 drain(&found, sink);
             }
 #else
-            if (is_narrow(f)) count_narrow(sink, f, box);
+            if (is_narrow(f)) COUNT_NARROW(sink, f, box);
             else count_wide(sink, f, box);
 #endif
         }
@@ -180,10 +188,11 @@ __kernel void count_tile(
     const __global ulong *restrict starts, const __global uint *restrict triangles,
     __global uint *restrict rows, __global ulong *restrict offsets)
 {
-    __local uint next[RAYS];
+    /* Lanes beyond the last ray are written, unchanged. */
+    __local uint next[RAYS + LANES];
     const ulong tile = first + get_global_id(0) / GROUP;
     const bool live = tile < last;
-    for (int ray = get_local_id(0); ray < RAYS; ray += GROUP) next[ray] = 0;
+    for (int ray = get_local_id(0); ray < RAYS + LANES; ray += GROUP) next[ray] = 0;
     barrier(CLK_LOCAL_MEM_FENCE);
     const int4 rays = tile_window(window, live ? tile : first);
     Sink sink;

@@ -16,9 +16,6 @@
  */
 #define DIGITS (FRACTION_BITS - STEP_BITS)
 
-/* Edge functions of a row of rays; a lane that is beyond the box may be anything, modulo 2^32. */
-#define LANES 8
-
 /* Is the quotient below 2^28, and n below 2^63? */
 static inline bool is_quick(const Facet f)
 {
@@ -60,11 +57,10 @@ static inline uint quotient_up(const Divisor d, const ulong n, const uint tie)
     return estimate + less + (left != 0 ? 1u : tie);
 }
 
-/* A bit for each lane that none of the edge functions is negative in; lane 0 is bit 0. */
-static inline ulong covered_of(const uint8 a, const uint8 b, const uint8 c)
+/* Those lanes of 0 and 1 as bits; lane 0 is bit 0. */
+static inline ulong bits_of(const uint8 lanes)
 {
-    const uchar8 covered = convert_uchar8(~(a | b | c) >> 31);
-    return as_ulong(covered) * 0x0102040810204080UL >> 56;
+    return as_ulong(convert_uchar8(lanes)) * 0x0102040810204080UL >> 56;
 }
 
 /* The triangle is narrow and quick. */
@@ -77,13 +73,7 @@ static inline void rasterise_quick(Sink *sink, const Facet f, const int4 box)
     const long wa = (long)bc.x * (p.y - f.b.y) - (long)bc.y * (p.x - f.b.x);
     const long wb = (long)ca.x * (p.y - f.c.y) - (long)ca.y * (p.x - f.c.x);
     const long wc = (long)ab.x * (p.y - f.a.y) - (long)ab.y * (p.x - f.a.x);
-    const uint fast_a = (uint)FAST_OF(-bc.y, bc.x), slow_a = (uint)SLOW_OF(-bc.y, bc.x);
-    const uint fast_b = (uint)FAST_OF(-ca.y, ca.x), slow_b = (uint)SLOW_OF(-ca.y, ca.x);
-    const uint fast_c = (uint)FAST_OF(-ab.y, ab.x), slow_c = (uint)SLOW_OF(-ab.y, ab.x);
-    const uint8 lane = (uint8)(0, 1, 2, 3, 4, 5, 6, 7);
-    uint8 first_a = (uint)((wa - (edge_owns(bc) ? 0 : 1)) >> STEP_BITS) + lane * fast_a;
-    uint8 first_b = (uint)((wb - (edge_owns(ca) ? 0 : 1)) >> STEP_BITS) + lane * fast_b;
-    uint8 first_c = (uint)((wc - (edge_owns(ab) ? 0 : 1)) >> STEP_BITS) + lane * fast_c;
+    Lanes first = lanes_at(f, wa, wb, wc);
 
     const int low = min(min(f.a.z, f.b.z), f.c.z);
     const int high = max(max(f.a.z, f.b.z), f.c.z);
@@ -107,15 +97,13 @@ static inline void rasterise_quick(Sink *sink, const Facet f, const int4 box)
     const int first_ray = FAST_OF(box.x, box.y) - sink->fast;
     for (int right = 0; right <= width; right += LANES) {
         const ulong within = (2UL << min(width - right, LANES - 1)) - 1;
-        uint8 a = first_a, b = first_b, c = first_c;
+        Lanes at = first;
         ulong block_n = first_n;
         for (int down = 0; down <= height; down += LANES) {
             ulong covered = 0;
             for (int row = 0; row <= min(height - down, LANES - 1); ++row) {
-                covered |= (covered_of(a, b, c) & within) << (LANES * row);
-                a += slow_a;
-                b += slow_b;
-                c += slow_c;
+                covered |= (bits_of(covered_lanes(at)) & within) << (LANES * row);
+                step_slow(&at);
             }
             __local uint *next = sink->next + (first_row + down) * WIDE + (first_ray + right);
             const __local ulong *bases = sink->bases + (first_row + down);
@@ -129,9 +117,7 @@ static inline void rasterise_quick(Sink *sink, const Facet f, const int4 box)
             }
             block_n += LANES * slow_n;
         }
-        first_a += LANES * fast_a;
-        first_b += LANES * fast_b;
-        first_c += LANES * fast_c;
+        step_fast(&first);
         first_n += LANES * fast_n;
     }
 }
