@@ -18,6 +18,7 @@
 #include "common/entries.h"
 #include "common/index.h"
 #include "common/rays.h"
+#include "lists/tiles.h"
 
 #define COUNT 0
 #define WRITE 1
@@ -47,12 +48,6 @@ static inline int4 tiles_below(const int4 box, const int4 window)
 {
     return (int4)((box.x - window.x) / SIDE_U, (box.y - window.y) / SIDE_V,
                   (box.z - window.x) / SIDE_U, (box.w - window.y) / SIDE_V);
-}
-
-/* Number of a tile; tiles are numbered along v first. */
-static inline uint tile_number(const int4 window, const int u, const int v)
-{
-    return (uint)u * (uint)((window.w - window.y) / SIDE_V + 1) + (uint)v;
 }
 
 /* One work-item does RUN triangles in a row, those of few tiles; the others it lists.

@@ -21,27 +21,13 @@
  *             MORE           1 to count triangles after others
  *             NUMBERED       1 if triangles have other numbers than their places in `faces`
  */
-#include "common/index.h"
 #include "common/rays.h"
+#include "lists/tiles.h"
 
 #define COUNT 0
 #define EMIT 3
 #define FIRST 1
 #define LAST 2
-
-/* Neighbours in a row of rays follow along `fast`: x before y before z. */
-#if AXIS == 1
-#define FAST_OF(u, v) (v)
-#define SLOW_OF(u, v) (u)
-#else
-#define FAST_OF(u, v) (u)
-#define SLOW_OF(u, v) (v)
-#endif
-
-/* A tile's rays along fast, along slow, and all. */
-#define WIDE FAST_OF(SIDE_U, SIDE_V)
-#define HIGH SLOW_OF(SIDE_U, SIDE_V)
-#define RAYS (WIDE * HIGH)
 
 #if NUMBERED
 #define NUMBERS_PARAMETER const __global uint *numbers,
@@ -126,15 +112,6 @@ static inline bool is_narrow(const Facet f)
     return ((side.x * side.y) >> STEP_BITS) + side.x + side.y < (long)INT_MAX - 16;
 }
 
-/* The rays (first u, first v, last u, last v) of a tile. */
-static inline int4 tile_window(const int4 window, const ulong tile)
-{
-    ulong number = tile;
-    const int v = window.y + take_place(&number, (window.w - window.y) / SIDE_V + 1) * SIDE_V;
-    const int u = window.x + (int)number * SIDE_U;
-    return (int4)(u, v, min(u + SIDE_U - 1, window.z), min(v + SIDE_V - 1, window.w));
-}
-
 /* All crossings of the tile's rays with the tile's triangles, into the sink. */
 static inline void cast_tile(
     Sink *sink, const int4 rays, const __global int *faces, const __global int *vertices,
@@ -205,11 +182,11 @@ __kernel void count_tile(
     barrier(CLK_LOCAL_MEM_FENCE);
     if (!live) return;
     const int count = FAST_OF(rays.z, rays.w) - sink.fast + 1;
-    const int tiles_along = (along - 1) / WIDE + 1;
+    const int tiles = (along - 1) / WIDE + 1;
     for (int row = get_local_id(0); row <= SLOW_OF(rays.z, rays.w) - sink.slow; row += GROUP) {
         const ulong slow = sink.slow + row;
         __global ulong *counts = offsets + slow * along + sink.fast;
-        __global uint *in_row = rows + slow * tiles_along + sink.fast / WIDE;
+        __global uint *in_row = rows + slow * tiles + sink.fast / WIDE;
         uint sum = 0;
         for (int ray = 0; ray < count; ++ray) {
             ADD_TO(counts[ray], next[row * WIDE + ray]);
@@ -273,11 +250,11 @@ __kernel void write_tile(
     sink.sides = sides;
     const int count = FAST_OF(rays.z, rays.w) - sink.fast + 1;
     const int height = SLOW_OF(rays.z, rays.w) - sink.slow + 1;
-    const int tiles_along = (along - 1) / WIDE + 1;
+    const int tiles = (along - 1) / WIDE + 1;
     for (int row = get_local_id(0); live && row < height; row += GROUP) {
         const ulong slow = sink.slow + row;
         __global ulong *begins = offsets + slow * along + sink.fast;
-        const ulong base = row_starts[slow * tiles_along + sink.fast / WIDE];
+        const ulong base = row_starts[slow * tiles + sink.fast / WIDE];
         uint place = 0;
         for (int ray = 0; (part & FIRST) && ray < count; ++ray) {
             const uint length = (uint)begins[ray];

@@ -28,8 +28,8 @@ class Bins(NamedTuple):
     """Triangles of one part of a mesh, by the tiles of a window of rays.
 
     facets: the part.  numbers: uint32, of its triangles in the mesh, if not their places.
-    starts: (tiles + 1,) uint64, where the triangles of each tile begin; tiles are numbered along v
-    first.  triangles: uint32, in no particular order within a tile.
+    starts: (tiles + 1,) uint64, where the triangles of each tile begin; tiles are numbered as rays
+    are.  triangles: uint32, in no particular order within a tile.
     first, last: whether this is the first, and the last, part that the window's rays may meet.
     """
 
