@@ -3,20 +3,19 @@
  *
  * What crossings/rasterise.h computes with a float estimate and an exact residual, for triangles of
  * few bits by one division.  Which of 8 x 8 rays are covered is found first, row by row and without
- * a branch; then they are done one after the other, so that one branch to a block is not foreseen,
- * where two to a row were.
+ * a branch; then those are done one after the other.  So one branch to a block is not foreseen,
+ * instead of two to a row.
  *
  * The depth of a crossing behind the nearest corner is N / area, where N is the sum of the three
  * weights times the corners' depths.  It changes by a constant from ray to ray, and on a covered
- * ray it is at most area * Z, Z being the triangle's extent in depth.  With n = N * 2^DIGITS below
- * 2^63, the quotient q = n / area is estimated from 32 bits of each: m = floor(n / 2^shift), and
- * inverse <= 2^(32 + scale) / area; none is too large, so the estimate is not.  q is below 2^28,
- * and m is at most 1 too small and of 32 bits if it is cut, the inverse at most 2^-29 of itself: so
- * the estimate, rounded down, is q rounded down, or one less.  What is left of n tells.
+ * ray it is at most area * Z, Z being the triangle's extent in depth; where it is not covered N may
+ * be anything, and nobody looks.
  */
+#include "lists/divide.h"
+
 #define DIGITS (FRACTION_BITS - STEP_BITS)
 
-/* Is the quotient below 2^28, and n below 2^63? */
+/* Does lists/divide.h do, with N * 2^DIGITS for n? */
 static inline bool is_quick(const Facet f)
 {
     const int low = min(min(f.a.z, f.b.z), f.c.z);
@@ -24,37 +23,6 @@ static inline bool is_quick(const Facet f)
     /* One bit is left for the rounding of the floats. */
     return high - low < 1 << (28 - DIGITS)
         && (float)f.area * (float)(high - low) < (float)(1L << (62 - DIGITS));
-}
-
-/* How quotients of n by the area are estimated: see above. */
-typedef struct {
-    ulong area;
-    uint inverse;
-    int shift, scale;
-} Divisor;
-
-/* most: n at most, and not below the area, so that no shift is as wide as what is shifted. */
-static inline Divisor divisor_of(const ulong area, const ulong most)
-{
-    Divisor d;
-    d.area = area;
-    d.shift = max(32 - (int)clz(most), 0);
-    const int cut = max(33 - (int)clz(area), 0);
-    const ulong rounded = (area >> cut) + (cut > 0);
-    const int bits = 64 - (int)clz(rounded);
-    d.inverse = (uint)(((1UL << (31 + bits)) - 1) / rounded);
-    d.scale = 31 + bits + cut - d.shift;
-    return d;
-}
-
-/* n / area, rounded up, and one more if it is whole and `tie` is 1. */
-static inline uint quotient_up(const Divisor d, const ulong n, const uint tie)
-{
-    const uint estimate = (uint)((n >> d.shift) * d.inverse >> d.scale);
-    ulong left = n - estimate * d.area;
-    const bool less = left >= d.area;
-    left -= less ? d.area : 0;
-    return estimate + less + (left != 0 ? 1u : tie);
 }
 
 /* Those lanes of 0 and 1 as bits; lane 0 is bit 0. */
@@ -87,7 +55,7 @@ static inline void rasterise_quick(Sink *sink, const Facet f, const int4 box)
         = ((ulong)(long)bc.y * za + (ulong)(long)ca.y * zb + (ulong)(long)ab.y * zc) << STEP_BITS;
     const ulong fast_n = FAST_OF(-along_u, along_v), slow_n = SLOW_OF(-along_u, along_v);
     const ulong area = (ulong)f.area;
-    const Divisor divisor = divisor_of(area, area * (((ulong)(high - low) << DIGITS) + 1));
+    const Divisor divisor = divisor_of(area, area * (((ulong)(high - low) << DIGITS) + 2));
     const uint base = (uint)low << DIGITS;
     const uint tie = (uint)tie_bit(f);
 

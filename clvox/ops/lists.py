@@ -21,7 +21,7 @@ from clvox.ops.facets import Mesh, Progress
 from clvox.ops.scan import prefix_sum
 from clvox.ops.sorting import CROSSINGS_PER_LAUNCH, SHORT, sort_rows
 
-WIDE_TILE = 256, 64
+WIDE_TILE = 128, 64
 """Rays of a tile where one work-item does it in a cache: neighbours follow along the first side."""
 
 LARGEST_SIDE, SMALLEST_SIDE, MOST_TILES = 64, 8, 256

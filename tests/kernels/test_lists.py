@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from clvox.device import session as sessions
+from clvox.device.source import read_source
 from clvox.grid import Axis, Shape
 from clvox.ops import lists
 from clvox.ops.bins import Binner, Bins
@@ -21,7 +22,7 @@ from clvox.ops.lists import CrossingLists, list_crossings
 from clvox.ops.sorting import sort_crossings, sort_rows
 from clvox.reference import lists as twin
 from clvox.reference.crossings import AXES, crossings
-from tests.kernels.cases import INTERPRETED, meshes_for, some
+from tests.kernels.cases import INTERPRETED, build, meshes_for, some
 from tests.strategies import BOX, FAMILIES, Mesh, adversarial_meshes, closed_meshes, join
 
 if TYPE_CHECKING:
@@ -120,6 +121,54 @@ def test_tiles_groups_and_short_rows_change_nothing(
             direct=direct, tile=tile, short=short, group=group,
         )  # fmt: skip
         assert_same(found, expected)
+
+
+@every_axis
+@pytest.mark.parametrize("bits", [9, 11])
+def test_triangles_of_many_rays(session: Session, axis: Axis, bits: int) -> None:
+    shape = (11, 9, 10) if INTERPRETED else (43, 21, 37)
+    for mesh in adversarial_meshes(bits, 2, bits, shape, families=["tetrahedron", "ball"]):
+        # Deep ones, too, for which a division does not do.
+        for depth in (1, 40):
+            mesh[0][:, AXES[axis]] *= depth
+            facets = upload(session, mesh)
+            found = list_crossings(session, facets, bits, shape, AXES[axis], tile=(32, 20))
+            assert found.count
+            assert_same(found, twin.list_crossings(*mesh, bits, shape, axis, found.fraction_bits))
+
+
+DIVIDE = """
+__kernel void divide(
+    const __global ulong *areas, const __global ulong *most, const __global ulong *n,
+    const __global uint *ties, __global uint *found)
+{
+    const size_t at = get_global_id(0);
+    found[at] = quotient_up(divisor_of(areas[at], most[at]), n[at], ties[at]);
+}
+"""
+
+
+def test_quotients_are_exact(session: Session) -> None:
+    rng = np.random.default_rng(5)
+    cases = []
+    for _ in range(some(20_000, 64)):
+        area = 1 + int(rng.integers(0, 1 << int(rng.integers(0, 46))))
+        area = (1 << area.bit_length()) - 1 if rng.random() < 0.1 else area
+        highest = int(rng.integers(0, 1 << int(rng.integers(0, 29))))
+        highest = min(highest, (1 << 62) // area)
+        whole = int(rng.integers(0, highest + 1)) if rng.random() < 0.8 else highest
+        n = whole * area + int(rng.choice([-1, 0, 1, int(rng.integers(0, area))]))
+        n = min(max(n, 0), highest * area)
+        cases.append((area, area * (highest + 2), n, int(rng.integers(0, 2))))
+    areas, most, n, ties = zip(*cases, strict=True)
+    expected = [-(-x // a) + (tie if x % a == 0 else 0) for a, _, x, tie in cases]
+    columns = [session.upload(np.array(column, np.uint64)) for column in (areas, most, n)]
+    found = session.empty(len(cases), np.uint32)
+    kernel = build(session, read_source("lists/divide.h") + DIVIDE, "divide")
+    session.run(
+        kernel, len(cases), *columns, session.upload(np.array(ties, np.uint32)), found, group=1
+    )
+    np.testing.assert_array_equal(found.get(), expected)
 
 
 def test_many_triangles_to_a_tile_are_cut_into_launches(
