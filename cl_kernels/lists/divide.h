@@ -3,7 +3,7 @@
  *
  * n is below 2^63 and n / area at most 2^28.  It is estimated from 32 bits of each:
  *
- *     m = floor(n / 2^shift),  inverse <= 2^(scale + shift) / area,  q = floor(m * inverse / 2^scale)
+ *     m = floor(n / 2^shift), inverse <= 2^(scale + shift) / area, q = floor(m * inverse / 2^scale)
  *
  * Neither factor is too large, so q is not.  Where n is cut, the largest m has 32 bits, and each
  * misses less than 1; where the area is cut, it has 31 bits and is less than 1 too large; and the
