@@ -160,9 +160,9 @@ def test_quotients_are_exact(session: Session) -> None:
         n = whole * area + int(rng.choice([-1, 0, 1, int(rng.integers(0, area))]))
         n = min(max(n, 0), highest * area)
         cases.append((area, area * (highest + 2), n, int(rng.integers(0, 2))))
-    areas, most, n, ties = zip(*cases, strict=True)
+    areas, most, numbers, ties = zip(*cases, strict=True)
     expected = [-(-x // a) + (tie if x % a == 0 else 0) for a, _, x, tie in cases]
-    columns = [session.upload(np.array(column, np.uint64)) for column in (areas, most, n)]
+    columns = [session.upload(np.array(column, np.uint64)) for column in (areas, most, numbers)]
     found = session.empty(len(cases), np.uint32)
     kernel = build(session, read_source("lists/divide.h") + DIVIDE, "divide")
     session.run(
