@@ -29,8 +29,17 @@
 
 #if EDGE_BITS == 32
 typedef int edge_t;
+typedef uint8 lanes_t;
+#define FLOATS(lanes) convert_float8(as_int8(lanes))
 #else
 typedef long edge_t;
+typedef ulong8 lanes_t;
+#define FLOATS(lanes) convert_float8(as_long8(lanes))
+#endif
+
+#define LANES 8
+#ifndef SCANNED
+#define SCANNED 16
 #endif
 
 #define ROUNDER 12582912.0f
@@ -120,6 +129,28 @@ static inline ulong residual_at(const Planes *p, const Edges e, const int m)
                        p->f.area, p->base_rest - (long)m * STEP);
 }
 
+#if SINK != EMIT
+
+/* Decides the slots that estimates left open, of the crossings from number `at` on; e are the edge
+ * functions at the first, `shift` rays on. */
+static void settle(Found *found, const uint at, const Planes *p, Edges e, const int shift)
+{
+    #pragma OPENCL FP_CONTRACT OFF
+    e.a += (edge_t)shift * p->bc.x;
+    e.b += (edge_t)shift * p->ca.x;
+    for (uint i = at; i < found->count; ++i) {
+        const float estimate = (float)e.a * p->slope_a + (float)e.b * p->slope_b + p->base;
+        const float shifted = estimate + ROUNDER;
+        const int m = as_int(shifted) - as_int(ROUNDER);
+        if (fabs(estimate - (shifted - ROUNDER)) <= p->doubt)
+            found->slot[i] = p->base_slot + m + ((long)residual_at(p, e, m) > -p->tie);
+        e.a += p->bc.x;
+        e.b += p->ca.x;
+    }
+}
+
+#endif
+
 /* The rays u, first to last: e are the edge functions at the first. */
 static inline void scan_row(
     Sink *sink, Found *found, const Planes *p, Edges e, const int u, const int first,
@@ -160,51 +191,91 @@ static inline void scan_row(
     }
 }
 
-#if EDGE_BITS == 32
+static inline Edges edges_at(const Planes *p, const Edges origin, const edge_t i, const edge_t j)
+{
+    const Edges e = {origin.a + j * p->bc.x - i * p->bc.y,
+                     origin.b + j * p->ca.x - i * p->ca.y,
+                     origin.c + j * p->ab.x - i * p->ab.y};
+    return e;
+}
+
+static inline bool covers(const Edges e)
+{
+    return (e.a | e.b | e.c) >= 0;
+}
+
+#if SINK == EMIT
+#define solve_run scan_row
+#else
+
+/* The same of rays that are all covered, LANES at a time. */
+static inline void solve_run(
+    Sink *sink, Found *found, const Planes *p, const Edges e, const int u, const int first,
+    const int last)
+{
+    #pragma OPENCL FP_CONTRACT OFF
+    const lanes_t place = (lanes_t)(0, 1, 2, 3, 4, 5, 6, 7);
+    /* Unsigned, since what the lanes beyond the last ray hold does not matter. */
+    lanes_t a = (lanes_t)(e.a) + place * (lanes_t)(p->bc.x);
+    lanes_t b = (lanes_t)(e.b) + place * (lanes_t)(p->ca.x);
+    for (int v = first; v <= last; v += LANES) {
+        const int left = last - v + 1;
+        const float8 estimate = FLOATS(a) * p->slope_a + FLOATS(b) * p->slope_b + p->base;
+        const float8 shifted = estimate + ROUNDER;
+        const float8 beyond = estimate - (shifted - ROUNDER);
+        const int8 after = beyond > 0.0f;
+        const uint8 slots = (uint8)(p->base_slot - as_int(ROUNDER)) + as_uint8(shifted)
+                          - as_uint8(after);
+        if (found->count > MOST_FOUND - LANES) drain(found, sink);
+        const uint at = found->count;
+        vstore8((int8)(u), 0, found->u + at);
+        vstore8((int8)(v) + (int8)(0, 1, 2, 3, 4, 5, 6, 7), 0, found->v + at);
+        vstore8(as_int8(slots), 0, found->slot + at);
+        found->count += min(left, LANES);
+        if (any(fabs(beyond) <= p->doubt)) settle(found, at, p, e, v - first);
+        a += (lanes_t)((edge_t)LANES * p->bc.x);
+        b += (lanes_t)((edge_t)LANES * p->ca.x);
+    }
+}
+
+#endif
+
+/* In rows from box.x + start on, a block of them, only the rays that may be covered are. */
+static inline void solve_rows(
+    Sink *sink, Found *found, const Planes *p, const Edges origin, const int4 box, const int start)
+{
+    Spans spans;
+    int list[ROWS];
+    const int width = box.w - box.y;
+    const Edges row = edges_at(p, origin, start, 0);
+    spans_of(&spans, bounds_of(row.a, p->bc.x, -p->bc.y, width),
+             bounds_of(row.b, p->ca.x, -p->ca.y, width),
+             bounds_of(row.c, p->ab.x, -p->ab.y, width), width);
+    const int count = list_rows(&spans, box.z - box.x - start + 1, list);
+    for (int n = 0; n < count; ++n) {
+        const int i = list[n];
+        int first = spans.first[i], last = spans.last[i];
+        while (first <= last && !covers(edges_at(p, row, i, first))) ++first;
+        while (first < last && !covers(edges_at(p, row, i, last))) --last;
+        solve_run(sink, found, p, edges_at(p, row, i, first), box.x + start + i, box.y + first,
+                  box.y + last);
+    }
+}
 
 /* Finds every crossing of the rays in `box` with triangle f; some may be left to drain(). */
 static inline void rasterise(Sink *sink, Found *found, const Facet f, const int4 box)
 {
     Planes p;
     Edges row = make_planes(&p, f, box.xy);
-    for (int u = box.x; u <= box.z; ++u) {
-        scan_row(sink, found, &p, row, u, box.y, box.w);
-        row.a -= p.bc.y;
-        row.b -= p.ca.y;
-        row.c -= p.ab.y;
+#if EDGE_BITS == 32
+    if ((box.z - box.x + 1) * (box.w - box.y + 1) <= SCANNED) {
+        for (int u = box.x; u <= box.z; ++u) {
+            scan_row(sink, found, &p, row, u, box.y, box.w);
+            row = edges_at(&p, row, 1, 0);
+        }
+        return;
     }
-}
-
-#else
-
-/* In rows from box.x + start on, a block of them, only the rays that may be covered are. */
-static inline void solve_rows(
-    Sink *sink, Found *found, const Planes *p, const Edges row, const int4 box, const int start)
-{
-    Spans spans;
-    int list[ROWS];
-    const int width = box.w - box.y;
-    spans_of(&spans, bounds_of(row.a - (edge_t)start * p->bc.y, p->bc.x, -p->bc.y, width),
-             bounds_of(row.b - (edge_t)start * p->ca.y, p->ca.x, -p->ca.y, width),
-             bounds_of(row.c - (edge_t)start * p->ab.y, p->ab.x, -p->ab.y, width), width);
-    const int count = list_rows(&spans, box.z - box.x - start + 1, list);
-    for (int n = 0; n < count; ++n) {
-        const edge_t i = start + list[n], j = spans.first[list[n]];
-        const Edges e = {row.a + j * p->bc.x - i * p->bc.y,
-                         row.b + j * p->ca.x - i * p->ca.y,
-                         row.c + j * p->ab.x - i * p->ab.y};
-        scan_row(sink, found, p, e, box.x + (int)i, box.y + (int)j,
-                 box.y + spans.last[list[n]]);
-    }
-}
-
-/* The same for triangles of many candidate rays. */
-static inline void rasterise(Sink *sink, Found *found, const Facet f, const int4 box)
-{
-    Planes p;
-    const Edges row = make_planes(&p, f, box.xy);
+#endif
     for (int start = 0; start <= box.z - box.x; start += ROWS)
         solve_rows(sink, found, &p, row, box, start);
 }
-
-#endif
