@@ -39,7 +39,7 @@ typedef ulong8 lanes_t;
 
 #define LANES 8
 #ifndef SCANNED
-#define SCANNED 16
+#define SCANNED 32
 #endif
 
 #define ROUNDER 12582912.0f
@@ -226,7 +226,7 @@ static inline void solve_run(
         const int8 after = beyond > 0.0f;
         const uint8 slots = (uint8)(p->base_slot - as_int(ROUNDER)) + as_uint8(shifted)
                           - as_uint8(after);
-        if (found->count > MOST_FOUND - LANES) drain(found, sink);
+        if (found->count >= MOST_FOUND - LANES) drain(found, sink);
         const uint at = found->count;
         vstore8((int8)(u), 0, found->u + at);
         vstore8((int8)(v) + (int8)(0, 1, 2, 3, 4, 5, 6, 7), 0, found->v + at);
