@@ -45,8 +45,10 @@ typedef ulong8 lanes_t;
 
 #define LANES 8
 
-/* Of so few candidate rays each is tried; of more, those that are covered are solved for. */
+/* Of so few candidate rays each is tried, and of fewer than SHORT in a span; of more, those that are
+ * covered are solved for. */
 #define MOST_TRIED 32
+#define SHORT 3
 
 #define ROUNDER 12582912.0f
 
@@ -245,6 +247,11 @@ static inline void solve_rows(
     for (int n = 0; n < count; ++n) {
         const int i = list[n];
         int first = spans.first[i], last = spans.last[i];
+        if (last - first + 1 < SHORT) {
+            scan_row(sink, found, p, edges_at(p, row, i, first), box.x + start + i, box.y + first,
+                     box.y + last);
+            continue;
+        }
         /* Spans are rarely too wide, and those between two covered rays are covered. */
         while (first <= last && !covers(edges_at(p, row, i, first))) ++first;
         while (first < last && !covers(edges_at(p, row, i, last))) --last;
