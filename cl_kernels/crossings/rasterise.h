@@ -220,8 +220,8 @@ static inline void solve_run(
             vstore8(as_int8(slots), 0, found->slot + at);
             found->count = at + count;
         }
-        a += (lanes_t)((edge_t)LANES * p->bc.x);
-        b += (lanes_t)((edge_t)LANES * p->ca.x);
+        a += (lanes_t)(LANES) * (lanes_t)(p->bc.x);
+        b += (lanes_t)(LANES) * (lanes_t)(p->ca.x);
     }
 }
 

@@ -26,6 +26,9 @@ FEW = 32
 WIDE = 8
 """From so many rays a triangle on, one work-item solves for rays, and does four times as many."""
 
+WIDE_RUN = 4
+"""Triangles in a row that one work-item does then."""
+
 MOST_DIRECT = 1 << 14
 """More candidate rays no triangle may have that one work-item does alone, in 32 bits."""
 
@@ -234,5 +237,6 @@ def _cast(
     defines["WIDE"] = int(wide)
     if wide:
         defines["DIRECT"] = min(4 * defines["DIRECT"], MOST_DIRECT)
+        defines["RUN"] = WIDE_RUN
     tiled = {"EDGE_BITS": 64, "WIDE": 1}
     visit_facets(session, _FILE, "cast", facets, window.box, sink, defines, progress, tiled=tiled)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from clvox.device.source import read_source
 from clvox.grid import Axis, Grid, Lattice, Shape
-from clvox.ops.crossings import Window, count_crossings, flip_bricks, flip_dense
+from clvox.ops.crossings import WIDE_RUN, Window, count_crossings, flip_bricks, flip_dense
 from clvox.ops.facets import RUN
 from clvox.ops.layout import Bricks, Cells, cell_shape, words_for
 from clvox.ops.multilevel import rank_cells
@@ -255,9 +255,11 @@ def test_slots_along_every_axis_equal_the_twin(
 
 
 @every_axis
-@pytest.mark.parametrize("triangles", [0, 1, RUN - 1, RUN, RUN + 1, 64 * RUN, 64 * RUN + 1])
+@pytest.mark.parametrize(
+    "triangles", [0, 1, WIDE_RUN, WIDE_RUN + 1, RUN - 1, RUN, RUN + 1, 64 * RUN, 64 * RUN + 1]
+)
 def test_any_number_of_triangles(session: Session, triangles: int, axis: Axis) -> None:
-    """Work-items do RUN each and come in groups of 64."""
+    """Work-items do RUN each, of a few triangles WIDE_RUN, and come in groups of 64."""
     for direct in (0, 256):
         case = Case(8, SMALL, direct, 4)
         vertices, faces = soup(15, triangles, case.bits, case.shape)
