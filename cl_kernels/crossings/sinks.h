@@ -100,12 +100,6 @@ static inline void cross(Sink *sink, const int u, const int v, const int slot)
 #include "common/bricks.h"
 #include "common/index.h"
 
-/* Rays along y: u is z and v is x.
- * columns: cells of voxels along each axis.  The tree above the bricks: common/bricks.h.
- * entry, beyond: a face per column of cells along y, (z, x), for crossings before the first sample
- * and past the last.  exits: a face per brick, for crossings in the last half voxel of its cell
- * when no brick follows.  All three are of a slab, whose cells begin at z = first_layer and whose
- * bricks begin with first_brick; no ray is in another. */
 /* Rows of rays come back to the cells of the row before, those of small triangles to one. */
 #if WIDE
 #define KNOWN_CELLS 16
@@ -115,6 +109,12 @@ static inline void cross(Sink *sink, const int u, const int v, const int slot)
 #define CELL_PLACE(x, y) 0
 #endif
 
+/* Rays along y: u is z and v is x.
+ * columns: cells of voxels along each axis.  The tree above the bricks: common/bricks.h.
+ * entry, beyond: a face per column of cells along y, (z, x), for crossings before the first sample
+ * and past the last.  exits: a face per brick, for crossings in the last half voxel of its cell
+ * when no brick follows.  All three are of a slab, whose cells begin at z = first_layer and whose
+ * bricks begin with first_brick; no ray is in another. */
 #define SINK_PARAMETERS \
     const int4 columns, TREE_PARAMETERS, const int first_layer, const uint first_brick, \
     __global uint *bricks, __global uint *exits, __global uint *entry, __global uint *beyond
@@ -130,9 +130,9 @@ typedef struct {
     __global uint *exits;
     __global uint *entry;
     __global uint *beyond;
-    ulong above;  /* the coarse cell looked up last, */
+    ulong above;  /* the coarse cell looked up last */
     uint node;
-    /* and cells: known[CELL_PLACE] - 1 was the last of those whose place it is. */
+    /* The last cell of each place, plus 1, and its brick. */
     ulong known[KNOWN_CELLS];
     uint brick_of[KNOWN_CELLS];
 } Sink;

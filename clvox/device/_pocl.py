@@ -42,17 +42,18 @@ _PROCESSORS = {
 # PoCL keeps the pointer as long as the process lives, so the strings do too.
 _names = {name: ctypes.create_string_buffer(name) for name in _PROCESSORS}
 
-
 _BINDS = "POCL_AFFINITY"
+_COUNTS = "POCL_MAX_PTHREAD_COUNT"
 
 
 def start_threads(find: Callable[[], list[cl.Platform]]) -> tuple[cl.Platform, ...]:
     """Return the platforms that *find* finds; have PoCL bind each of its threads to a core.
 
     Not if the process may not use every core, since PoCL counts all of them; nor if the user has
-    decided about it.  Elsewhere than on Linux PoCL binds no threads.
+    decided about it, or wants few threads, which would share the first cores with those of other
+    processes.  Elsewhere than on Linux PoCL binds no threads.
     """
-    if sys.platform != "linux" or _BINDS in os.environ:
+    if sys.platform != "linux" or _BINDS in os.environ or _COUNTS in os.environ:
         return tuple(find())
     if len(os.sched_getaffinity(0)) != os.cpu_count():
         return tuple(find())
