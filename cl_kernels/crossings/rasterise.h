@@ -45,10 +45,10 @@ typedef ulong8 lanes_t;
 
 #define LANES 8
 
-/* Of so few candidate rays each is tried, and of fewer than SHORT in a span; of more, those that are
- * covered are solved for. */
+/* Of so few candidate rays each is tried, and of fewer than SHORT_SPAN in a span; of more, those
+ * that are covered are solved for. */
 #define MOST_TRIED 32
-#define SHORT 3
+#define SHORT_SPAN 3
 
 #define ROUNDER 12582912.0f
 
@@ -247,7 +247,7 @@ static inline void solve_rows(
     for (int n = 0; n < count; ++n) {
         const int i = list[n];
         int first = spans.first[i], last = spans.last[i];
-        if (last - first + 1 < SHORT) {
+        if (last - first + 1 < SHORT_SPAN) {
             scan_row(sink, found, p, edges_at(p, row, i, first), box.x + start + i, box.y + first,
                      box.y + last);
             continue;

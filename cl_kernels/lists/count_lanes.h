@@ -1,6 +1,6 @@
 /*
  * lists/count_lanes.h: how many rays of a box are covered by a narrow triangle, for one work-item
- * to a tile: what lists/count_covered.h counts, LANES neighbours at a time.
+ * to a tile: what lists/count_covered.h counts, RAY_LANES neighbours at a time.
  */
 static inline void count_lanes(Sink *sink, const Facet f, const int4 box)
 {
@@ -14,7 +14,7 @@ static inline void count_lanes(Sink *sink, const Facet f, const int4 box)
     __local uint *first_row = sink->next + (SLOW_OF(box.x, box.y) - sink->slow) * WIDE
                             + (FAST_OF(box.x, box.y) - sink->fast);
     Lanes first = lanes_at(f, wa, wb, wc);
-    for (int right = 0; right <= width; right += LANES) {
+    for (int right = 0; right <= width; right += RAY_LANES) {
         /* 1 where the sum is negative. */
         const uint8 within = (lane + (uint)(right - width - 1)) >> 31;
         Lanes at = first;

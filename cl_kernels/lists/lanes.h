@@ -1,11 +1,11 @@
 /*
- * lists/lanes.h: which rays a narrow triangle covers, LANES neighbours at a time and no branch.
+ * lists/lanes.h: which rays a narrow triangle covers, RAY_LANES neighbours at a time and no branch.
  *
  * A ray is covered where none of the three edge functions is negative (crossings/rasterise.h).  In
  * units of a voxel they fit an int in the triangle's box and one step beyond; further out they are
  * anything, modulo 2^32, and nobody looks.
  */
-#define LANES 8
+#define RAY_LANES 8
 
 /* The edge functions at neighbours along fast, and by how much they change along fast and slow. */
 typedef struct {
@@ -53,10 +53,10 @@ static inline void step_slow(Lanes *at)
     at->c += at->slow_c;
 }
 
-/* The next LANES rays along fast. */
+/* The next RAY_LANES rays along fast. */
 static inline void step_fast(Lanes *at)
 {
-    at->a += LANES * at->fast_a;
-    at->b += LANES * at->fast_b;
-    at->c += LANES * at->fast_c;
+    at->a += RAY_LANES * at->fast_a;
+    at->b += RAY_LANES * at->fast_b;
+    at->c += RAY_LANES * at->fast_c;
 }

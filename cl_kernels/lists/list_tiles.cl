@@ -166,10 +166,10 @@ __kernel void count_tile(
     __global uint *restrict rows, __global ulong *restrict offsets)
 {
     /* Lanes beyond the last ray are written, unchanged. */
-    __local uint next[RAYS + LANES];
+    __local uint next[RAYS + RAY_LANES];
     const ulong tile = first + get_global_id(0) / GROUP;
     const bool live = tile < last;
-    for (int ray = get_local_id(0); ray < RAYS + LANES; ray += GROUP) next[ray] = 0;
+    for (int ray = get_local_id(0); ray < RAYS + RAY_LANES; ray += GROUP) next[ray] = 0;
     barrier(CLK_LOCAL_MEM_FENCE);
     const int4 rays = tile_window(window, live ? tile : first);
     Sink sink;

@@ -63,14 +63,14 @@ static inline void rasterise_quick(Sink *sink, const Facet f, const int4 box)
     const int height = SLOW_OF(box.z - box.x, box.w - box.y);
     const int first_row = SLOW_OF(box.x, box.y) - sink->slow;
     const int first_ray = FAST_OF(box.x, box.y) - sink->fast;
-    for (int right = 0; right <= width; right += LANES) {
-        const ulong within = (2UL << min(width - right, LANES - 1)) - 1;
+    for (int right = 0; right <= width; right += RAY_LANES) {
+        const ulong within = (2UL << min(width - right, RAY_LANES - 1)) - 1;
         Lanes at = first;
         ulong block_n = first_n;
-        for (int down = 0; down <= height; down += LANES) {
+        for (int down = 0; down <= height; down += RAY_LANES) {
             ulong covered = 0;
-            for (int row = 0; row <= min(height - down, LANES - 1); ++row) {
-                covered |= (bits_of(covered_lanes(at)) & within) << (LANES * row);
+            for (int row = 0; row <= min(height - down, RAY_LANES - 1); ++row) {
+                covered |= (bits_of(covered_lanes(at)) & within) << (RAY_LANES * row);
                 step_slow(&at);
             }
             __local uint *next = sink->next + (first_row + down) * WIDE + (first_ray + right);
@@ -78,14 +78,14 @@ static inline void rasterise_quick(Sink *sink, const Facet f, const int4 box)
             while (covered != 0) {
                 const uint bit = 63 - (uint)clz(covered);
                 covered ^= 1UL << bit;
-                const uint row = bit / LANES, ray = bit % LANES;
+                const uint row = bit / RAY_LANES, ray = bit % RAY_LANES;
                 const ulong n = block_n + row * slow_n + ray * fast_n;
                 put(sink, next + row * WIDE + ray, bases[row],
                     (int)(base + quotient_up(divisor, n, tie)));
             }
-            block_n += LANES * slow_n;
+            block_n += RAY_LANES * slow_n;
         }
         step_fast(&first);
-        first_n += LANES * fast_n;
+        first_n += RAY_LANES * fast_n;
     }
 }
