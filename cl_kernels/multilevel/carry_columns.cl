@@ -26,7 +26,8 @@ typedef struct {
     uint disagreements;
 } Lanes;
 
-/* The rays of a lane behind untouched cells: one that disagree are counted, and follow the first. */
+/* The state of a lane; behind untouched cells its rays follow the first, and any that do not are
+ * counted as one disagreement. */
 static inline ulong agreed(Lanes *lanes, const ulong state, const bool untouched)
 {
     const ulong uniform = state & 1 ? ALL_RAYS : 0;
