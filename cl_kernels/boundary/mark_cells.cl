@@ -87,31 +87,42 @@ static inline void mark(Sink *sink, const int3 cell, const ulong triangle)
 
 #include "common/bricks.h"
 
+/* Cells that lie in one brick share what is known of the cell above; a triangle lies across few of
+ * those, but its rows go to and fro between them.  Of eight that meet in a corner, each has its
+ * place. */
+#define KNOWN 8
+#define NOTHING_KNOWN \
+    { ULONG_MAX, ULONG_MAX, ULONG_MAX, ULONG_MAX, ULONG_MAX, ULONG_MAX, ULONG_MAX, ULONG_MAX }
+
 #define SINK_PARAMETERS TREE_PARAMETERS, __global uint *marks
-#define MAKE_SINK(grid) { TREE, marks, (int3)(-1), NO_BRICK, marks, 0 }
+#define MAKE_SINK(grid) { TREE, marks, marks, 0, NOTHING_KNOWN }
 typedef struct {
     Tree tree;
     __global uint *marks;
-    int3 above;  /* the cell looked up last, since neighbouring voxels share it */
-    uint brick;
     __global uint *word;
     uint bits;
+    ulong above[KNOWN];
+    uint brick[KNOWN];
 } Sink;
 
 GATHER_BITS
 
 static inline void mark(Sink *sink, const int3 cell, const ulong triangle)
 {
-    const int3 sides = (int3)(BRICK_X, BRICK_Y, BRICK_Z);
-    const int3 above = cell / sides;
-    if (any(above != sink->above)) {
-        sink->above = above;
-        sink->brick = find_brick(sink->tree, above.x, above.y, above.z);
+    /* Unsigned, so that powers of two are shifted. */
+    const uint x = (uint)cell.x, y = (uint)cell.y, z = (uint)cell.z;
+    const uint above_x = x / BRICK_X, above_y = y / BRICK_Y, above_z = z / BRICK_Z;
+    const ulong above = ((ulong)above_z << 20 | above_y) << 20 | above_x;
+    const uint place = (above_z % 2 * 2 + above_y % 2) * 2 + above_x % 2;
+    if (sink->above[place] != above) {
+        sink->above[place] = above;
+        sink->brick[place] = find_brick(sink->tree, above_x, above_y, above_z);
     }
-    if (sink->brick == NO_BRICK) return;
-    const int3 at = cell - above * sides;
-    const int bit = (at.z * BRICK_Y + at.y) * BRICK_X + at.x;
-    set_bit(sink, sink->marks + (ulong)sink->brick * BRICK_WORDS + bit / 32, 1u << (bit % 32));
+    const uint brick = sink->brick[place];
+    if (brick == NO_BRICK) return;
+    const uint bit = ((z - above_z * BRICK_Z) * BRICK_Y + (y - above_y * BRICK_Y)) * BRICK_X
+                   + (x - above_x * BRICK_X);
+    set_bit(sink, sink->marks + (ulong)brick * BRICK_WORDS + bit / 32, 1u << (bit % 32));
 }
 
 #endif

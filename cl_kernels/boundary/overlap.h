@@ -25,7 +25,8 @@
 #define HALF_STEP (1 << (STEP_BITS - 1))
 #define CELL_SIDES ((int3)(CELL_X, CELL_Y, CELL_Z) << STEP_BITS)
 
-/* More than the error, in steps, of a depth computed in float32 from the slopes. */
+/* More than the error, in steps, of a depth computed in float32 from the slopes and cut to an
+ * integer. */
 #define DEPTH_MARGIN 32.0f
 
 /* An edge in a projection (p, q): the cell with lowest corner (p, q) is not wholly outside of it
@@ -199,8 +200,8 @@ static inline int2 depths_in_column(const Solid *s, const int u, const int v)
                                        + s->slope_v * ((float)(v - s->a.y) + half_v);
     const float reach = fabs(s->slope_u) * half_u + fabs(s->slope_v) * half_v + DEPTH_MARGIN;
     const int side = CUBES ? CELL_X << STEP_BITS : s->cell.z;
-    return (int2)(max(s->first.z, first_touched((int)floor(middle - reach), side)),
-                  min(s->last.z, last_touched((int)ceil(middle + reach), side)));
+    return (int2)(max(s->first.z, first_touched((int)(middle - reach), side)),
+                  min(s->last.z, last_touched((int)(middle + reach), side)));
 }
 
 /* Do the remaining tests hold for the cell with lowest corner (u, v, w)? */

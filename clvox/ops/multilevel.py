@@ -14,6 +14,10 @@ from clvox.ops.layout import Bricks, Cells, brick_defines, int4, words_for
 from clvox.ops.scan import prefix_sum
 
 _LIST = "multilevel/list_bricks.cl"
+_FILE, _COLUMNS = "multilevel/carry.cl", "multilevel/carry_columns.cl"
+
+_CUBES = (4, 4, 4), (8, 8, 8)
+"""Bricks of voxels that carry_columns knows."""
 
 RANK_WORDS = 8
 """Words of boundary bits per entry of the rank."""
@@ -75,20 +79,25 @@ def carry(
     others: what was found in other slabs, whose arrays are gone on with.
     """
     solid = others or empty_solid(session, cells)
-    kernel = session.kernel("multilevel/carry.cl", "carry", **cells.defines)
     doubts = session.zeros(2, np.uint32)
     model, slab = (int4(shape), *cells.tree), bricks.slab
     span = np.int32(slab.first_layer), np.int32(slab.layers), np.uint32(slab.first_brick)
     flips = bricks.beyond, bricks.exits, bricks.entry, bricks.voxels
     if cells.finer is None or solid.middle_inside is None:
+        kernel = session.kernel(_FILE, "carry", **cells.defines)
         items, steps = words_for(cells.shape[0]) * slab.layers, BITS * cells.shape[1]
         session.run(kernel, items, *model, *span, *flips, solid.inside, doubts, steps=steps)
     else:
         columns = cells.finer.shape
-        target = solid.inside, solid.middle_inside, doubts
-        walks = int4(columns), *span, *flips, *target
-        rows = cells.shape[0] * words_for(cells.brick[0]) * slab.layers
-        session.run(kernel, rows, *model, *walks, steps=cells.brick[0] * columns[1])
+        walks = int4(columns), *span, *flips, solid.inside, solid.middle_inside, doubts
+        if cells.brick == (8, 8, 8) and cells.finer.brick in _CUBES:
+            kernel = session.kernel(_COLUMNS, "carry_columns", **cells.defines)
+            rows, steps = cells.shape[0] * -(-slab.layers // 8), 64 * columns[1]
+        else:
+            kernel = session.kernel(_FILE, "carry", **cells.defines)
+            rows = cells.shape[0] * words_for(cells.brick[0]) * slab.layers
+            steps = cells.brick[0] * columns[1]
+        session.run(kernel, rows, *model, *walks, steps=steps)
     disagreements, odd_rays = doubts.get().tolist()
     return solid._replace(
         disagreements=solid.disagreements + disagreements, odd_rays=solid.odd_rays + odd_rays

@@ -13,13 +13,21 @@ from numpy.typing import NDArray
 from clvox.errors import OutOfMemoryError
 from clvox.grid import Grid, Lattice, Shape
 from clvox.mesh import check
+from clvox.models.memory import cut_slabs
 from clvox.ops import multilevel
 from clvox.ops.boundary import mark_cells, mark_voxels
 from clvox.ops.crossings import flip_bricks, flip_dense
 from clvox.ops.dense import fill
 from clvox.ops.layout import Bricks, Cells, VoxelArrays, cell_shape, words_for
 from clvox.ops.measure import count_voxels
-from clvox.ops.multilevel import Solid, carry, list_bricks, list_bricks_below, rank_cells
+from clvox.ops.multilevel import (
+    Solid,
+    carry,
+    empty_solid,
+    list_bricks,
+    list_bricks_below,
+    rank_cells,
+)
 from clvox.ops.query import expand, expand_cells
 from clvox.reference import multilevel as twin
 from clvox.reference.crossings import fill_parity
@@ -113,9 +121,15 @@ def box_mesh(low: tuple[float, ...], high: tuple[float, ...], bits: int) -> Mesh
 
 
 def build_three(
-    session: Session, mesh: Mesh, bits: int, shape: Shape, middle: Shape, brick: Shape
+    session: Session,
+    mesh: Mesh,
+    bits: int,
+    shape: Shape,
+    middle: Shape,
+    brick: Shape,
+    room: int = 1 << 30,
 ) -> tuple[VoxelArrays, Solid]:
-    """All stages of a build of three levels on the device."""
+    """All stages of a build of three levels on the device, in slabs of *room* bytes."""
     facets = facets_of(session, mesh)
     sides = middle[0] * brick[0], middle[1] * brick[1], middle[2] * brick[2]
     marks = mark_cells(session, facets, bits, shape, sides)
@@ -123,10 +137,13 @@ def build_three(
     counts = cell_shape(shape, brick)
     marks = mark_voxels(session, facets, bits, counts, cells, side=brick)
     cells = replace(cells, finer=rank_cells(session, marks, counts, brick))
-    bricks = Bricks.cleared(session, cells)
-    flip_bricks(session, facets, bits, cells, bricks)
-    solid = carry(session, cells, bricks, shape)
-    return VoxelArrays(shape, bricks.voxels, cells, solid.inside, solid.middle_inside), solid
+    solid = empty_solid(session, cells)
+    voxels = session.zeros((cells.last.count, cells.last.brick_words), np.uint32)
+    for slab in cut_slabs(cells, room):
+        bricks = Bricks.cleared(session, cells, voxels, slab)
+        flip_bricks(session, facets, bits, cells, bricks)
+        solid = carry(session, cells, bricks, shape, solid)
+    return VoxelArrays(shape, voxels, cells, solid.inside, solid.middle_inside), solid
 
 
 # Ranks
@@ -245,6 +262,9 @@ def test_grid_beside_the_solid(session: Session, bits: int, shape: Shape, brick:
         (7, (13, 12, 9), (2, 3, 2), (3, 1, 2)),
         (10, (40, 7, 6), (1, 2, 3), (1, 2, 1)),
         (14, (37, 9, 5), (33, 2, 1), (1, 2, 2)),
+        (9, (35, 37, 6), (8, 8, 8), (4, 4, 4)),
+        (10, (7, 34, 35), (8, 8, 8), (4, 4, 4)),
+        (8, (9, 67, 11), (8, 8, 8), (8, 8, 8)),
     ],
 )
 def test_three_levels_equal_the_twin(
@@ -333,6 +353,26 @@ def test_soups_do_no_harm(session: Session, brick: Shape) -> None:
         assert solid.inside.shape == cells.boundary.shape
         assert not (solid.inside.get() & cells.boundary.get()).any()
         assert bricks.voxels.shape[0] == cells.count
+
+
+@pytest.mark.parametrize("brick", [(4, 4, 4), (8, 8, 8)])
+def test_columns_are_carried_as_rows_are(
+    session: Session, brick: Shape, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Both kernels that carry three levels, slab by slab: all arrays and counts, closed or not."""
+    bits, side = 9, 8 * brick[0]
+    shape = brick[0] + 3, side + brick[0] + 2, side + 2
+    soups = (soup(seed, 30, bits, shape) for seed in range(some(6)))
+    for mesh in [*meshes(53, some(6), bits, shape), *soups]:
+        found = []
+        for cubes in (multilevel._CUBES, ()):
+            monkeypatch.setattr(multilevel, "_CUBES", cubes)
+            arrays, solid = build_three(session, mesh, bits, shape, (8, 8, 8), brick, room=1)
+            counts = np.array([solid.disagreements, solid.odd_rays])
+            found.append([*(array.get() for array in arrays.arrays), counts])
+            monkeypatch.undo()
+        for columns, rows in zip(*found, strict=True):
+            np.testing.assert_array_equal(columns, rows, strict=True)
 
 
 @pytest.mark.parametrize("brick", [(8, 8, 8), (10, 10, 10)])
