@@ -15,13 +15,13 @@ static inline float4 over(const float4 background, const float4 colour, const fl
                     colour.z * opacity + background.z * behind, opacity + behind);
 }
 
+/* The nearest byte, of a part from 0 to 1; compilers do more for a conversion that rounds. */
 static inline uchar to_byte(const float part)
 {
-    return convert_uchar_sat_rte(part * 255.0f);
+    return (uchar)(int)(part * 255.0f + 0.5f);
 }
 
-/* sRGB's curve, but near 0, by roots, within a tenth of a grey level: a power would take most of the
- * time. */
+/* sRGB's curve, but near 0, by roots, within a tenth of a grey level: a power takes longer. */
 static inline float4 srgb_by_roots(const float4 value)
 {
     const float4 second = sqrt(value), fourth = sqrt(second), eighth = sqrt(fourth);

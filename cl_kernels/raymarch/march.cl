@@ -70,11 +70,6 @@
 #define PLACE_IN_GRID(axis) (axis.turned ? columns.axis - 1 - cell_##axis : cell_##axis)
 
 #if STATES
-#define AT_CELL ulong number = index; const int at_x = take_place(&number, cells.x), at_y = take_place(&number, cells.y), at_z = (int)number;
-#else
-#define AT_CELL
-#endif
-#if STATES
 #define INDEX ((PLACE_IN_GRID(z) * cells.y + PLACE_IN_GRID(y)) * cells.x + PLACE_IN_GRID(x))
 #define GO(axis) index += go_cell_##axis
 #else
@@ -82,7 +77,7 @@
 #endif
 
 /* How many voxels of a brick are behind a place are three numbers above its bit, each so high that
- * one more bit is set, of LEFT, where the last voxel is left; SPARE takes what the bit may borrow. */
+ * one more bit is set, one of LEFT, past the last voxel.  SPARE takes what the bit may borrow. */
 #define HALF 256L
 #define PASSED(axis) (1L << (34 + 9 * (axis)))
 #define LEFT (HALF * (PASSED(0) | PASSED(1) | PASSED(2)))
@@ -93,7 +88,7 @@
 #define BIT_Y(bit) place_in((bit) / BRICK_X, BRICK_Y)
 #define BIT_Z(bit) ((bit) / (BRICK_X * BRICK_Y))
 
-#if TILE
+#if TILE && !STATES
 
 /* The moment at which everything within `free` blocks of the block `near` is left along an axis,
  * or the grid, of `columns` cells of `side` voxels, `block` to a block. */
@@ -219,8 +214,10 @@ __kernel void march(
     const long go_x = PASSED(0) + (x.turned ? -1 : 1);
     const long go_y = PASSED(1) + (y.turned ? -BRICK_X : BRICK_X);
     const long go_z = PASSED(2) + (z.turned ? -BRICK_X * BRICK_Y : BRICK_X * BRICK_Y);
-#endif
-#if LEVELS > 1
+    /* Where in their bricks rays are that stand still along an axis. */
+    const int still_x = place_in(x.standing, SIDE_X), still_y = place_in(y.standing, SIDE_Y);
+    const int still_z = place_in(z.standing, SIDE_Z);
+    /* What both are for the first voxel that a ray may meet in a brick. */
     const long corner =
         ((z.turned ? SIDE_Z - 1 : 0) * BRICK_Y + (y.turned ? SIDE_Y - 1 : 0)) * BRICK_X
         + (x.turned ? SIDE_X - 1 : 0) + SPARE + (HALF - SIDE_X) * PASSED(0)
@@ -237,132 +234,163 @@ __kernel void march(
     while (going) {
 #if STATES
         const uint state = states[index];
-        /* Anything but an empty cell with something near it. */
-        if (state - (UNIFORM + 1) >= WORTH - 1) {
-        const bool uniform = state >= UNIFORM;
-        const int free = uniform ? (int)(state & FREE) : 0;
-        const bool within_cell = uniform && (state & INSIDE_STATE) != 0;
+        /* An empty cell with something near it: most are. */
+        const bool passed = state - (UNIFORM + 1) < WORTH - 1;
 #else
-        const int at_x = PLACE_IN_GRID(x), at_y = PLACE_IN_GRID(y), at_z = PLACE_IN_GRID(z);
+        const bool passed = false;
+#endif
+        if (!passed) {
+#if STATES
+            const bool uniform = state >= UNIFORM;
+            const int free = uniform ? (int)(state & FREE) : 0;
+            const bool within_cell = uniform && (state & INSIDE_STATE) != 0;
+#else
+            const int at_x = PLACE_IN_GRID(x), at_y = PLACE_IN_GRID(y), at_z = PLACE_IN_GRID(z);
 #if LEVELS == 1
-        const ulong word = ((ulong)at_z * cells.y + at_y) * ((cells.x + 31) / 32) + at_x / 32;
-        const bool uniform = !IS_TAKEN(word, at_x % 32), within_cell = false;
+            const ulong word = ((ulong)at_z * cells.y + at_y) * ((cells.x + 31) / 32) + at_x / 32;
+            const bool uniform = !IS_TAKEN(word, at_x % 32), within_cell = false;
 #else
-        const ulong state = cell_state(MODEL_ARGUMENTS, at_x, at_y, at_z);
-        const bool uniform = state >= CELL_OUTSIDE, within_cell = state == CELL_INSIDE;
+            const ulong state = cell_state(MODEL_ARGUMENTS, at_x, at_y, at_z);
+            const bool uniform = state >= CELL_OUTSIDE, within_cell = state == CELL_INSIDE;
 #endif
 #endif
 #if LENGTHS
-        const bool entered = !uniform;
+            const bool entered = !uniform;
 #else
-        const bool entered = !uniform || within_cell;
+            const bool entered = !uniform || within_cell;
 #endif
-        if (entered) {
+            if (entered) {
 #if LEVELS == 1
 #if LENGTHS
-            within += min(min(cell_out_x, min(cell_out_y, cell_out_z)), end) - t;
+                within += min(min(cell_out_x, min(cell_out_y, cell_out_z)), end) - t;
 #else
-            MEET(at_x, at_y, at_z, t, axis, KIND_OF(word, at_x % 32));
-            break;
+                MEET(at_x, at_y, at_z, t, axis, KIND_OF(word, at_x % 32));
+                break;
 #endif
 #else
-            const long since_x = cell_out_x - apart_x, since_y = cell_out_y - apart_y;
-            const long since_z = cell_out_z - apart_z;
-            const int voxel_x = cells_passed(&x, since_x, 1, place_in(x.standing, SIDE_X), t, axis, 0);
-            const int voxel_y = cells_passed(&y, since_y, 1, place_in(y.standing, SIDE_Y), t, axis, 1);
-            const int voxel_z = cells_passed(&z, since_z, 1, place_in(z.standing, SIDE_Z), t, axis, 2);
-            const ulong base = (ulong)state * BRICK_WORDS;
-            long out_x = moment_out(&x, since_x, 1, voxel_x);
-            long out_y = moment_out(&y, since_y, 1, voxel_y);
-            long out_z = moment_out(&z, since_z, 1, voxel_z);
-            long place = corner + voxel_x * go_x + voxel_y * go_y + voxel_z * go_z;
+                const long since_x = cell_out_x - apart_x, since_y = cell_out_y - apart_y;
+                const long since_z = cell_out_z - apart_z;
+                const int voxel_x = cells_passed(&x, since_x, 1, still_x, t, axis, 0);
+                const int voxel_y = cells_passed(&y, since_y, 1, still_y, t, axis, 1);
+                const int voxel_z = cells_passed(&z, since_z, 1, still_z, t, axis, 2);
+                const ulong base = (ulong)state * BRICK_WORDS;
+                long out_x = moment_out(&x, since_x, 1, voxel_x);
+                long out_y = moment_out(&y, since_y, 1, voxel_y);
+                long out_z = moment_out(&z, since_z, 1, voxel_z);
+                long place = corner + voxel_x * go_x + voxel_y * go_y + voxel_z * go_z;
 #if LENGTHS
-            long now = t;
+                /* Lengths are added where they begin and end. */
+                bool inside_it = false;
+                long now = t;
+                while (!(place & LEFT)) {
+                    if (IS_TAKEN(base + (uint)place / 32, (uint)place % 32) != inside_it) {
+                        within += inside_it ? min(now, end) : -min(now, end);
+                        inside_it = !inside_it;
+                    }
+                    if (out_x <= out_y && out_x <= out_z) {
+                        now = out_x;
+                        out_x += x.step;
+                        place += go_x;
+                    } else if (out_y <= out_z) {
+                        now = out_y;
+                        out_y += y.step;
+                        place += go_y;
+                    } else {
+                        now = out_z;
+                        out_z += z.step;
+                        place += go_z;
+                    }
+                }
+                if (inside_it) within += min(now, end);
 #else
-            long before = place;
+                long before = place;
+                while (!(place & LEFT)) {
+                    if (within_cell || IS_TAKEN(base + (uint)place / 32, (uint)place % 32)) break;
+                    before = place;
+                    if (out_x <= out_y && out_x <= out_z) {
+                        out_x += x.step;
+                        place += go_x;
+                    } else if (out_y <= out_z) {
+                        out_y += y.step;
+                        place += go_y;
+                    } else {
+                        out_z += z.step;
+                        place += go_z;
+                    }
+                }
+                if (!(place & LEFT)) {
+                    /* The last step tells when, and along which axis, the voxel is entered. */
+                    const long step = place - before;
+                    const int stepped = step == go_x ? 0 : (step == go_y ? 1 : 2);
+                    const int along = step == 0 ? axis : stepped;
+                    const long moment =
+                        one_of(stepped, out_x - x.step, out_y - y.step, out_z - z.step);
+                    const long now = step == 0 ? t : moment;
+                    const uint bit = (uint)place;
+#if STATES
+                    ulong number = index;
+                    const int at_x = take_place(&number, cells.x);
+                    const int at_y = take_place(&number, cells.y), at_z = (int)number;
 #endif
-            while (!(place & LEFT)) {
-                const ulong word = base + (uint)place / 32;
+                    if (is_before(now, along, end, last))
+                        MEET(at_x * SIDE_X + BIT_X(bit), at_y * SIDE_Y + BIT_Y(bit),
+                             at_z * SIDE_Z + BIT_Z(bit), now, along,
+                             within_cell ? INSIDE_CELL : KIND_OF(base + bit / 32, bit % 32));
+                    break;
+                }
+#endif
+#endif
+            }
+#if STATES
+            if (free >= WORTH) {
+                /* As far as all cells within `free` of this one reach, but for the last of them. */
+                const long then_x = cell_out_x + (free - 1) * apart_x;
+                const long then_y = cell_out_y + (free - 1) * apart_y;
+                const long then_z = cell_out_z + (free - 1) * apart_z;
+                const long since = t;
+                axis = first_axis(then_x, then_y, then_z);
+                t = one_of(axis, then_x, then_y, then_z);
 #if LENGTHS
-                const bool taken = IS_TAKEN(word, (uint)place % 32);
-                const long entered_at = now;
-                now = min(out_x, min(out_y, out_z));
-                if (taken) within += min(now, end) - min(entered_at, end);
-#else
-                if (within_cell || IS_TAKEN(word, (uint)place % 32)) break;
-                before = place;
+                within += within_cell ? min(t, end) - since : 0;
 #endif
-                if (out_x <= out_y && out_x <= out_z) {
-                    out_x += x.step;
-                    place += go_x;
-                } else if (out_y <= out_z) {
-                    out_y += y.step;
-                    place += go_y;
-                } else {
-                    out_z += z.step;
-                    place += go_z;
+                const int by_x = cells_passed(&x, cell_out_x - apart_x, SIDE_X, 0, t, axis, 0);
+                const int by_y = cells_passed(&y, cell_out_y - apart_y, SIDE_Y, 0, t, axis, 1);
+                const int by_z = cells_passed(&z, cell_out_z - apart_z, SIDE_Z, 0, t, axis, 2);
+                cell_out_x += by_x * apart_x;
+                cell_out_y += by_y * apart_y;
+                cell_out_z += by_z * apart_z;
+                index += by_x * go_cell_x + by_y * go_cell_y + by_z * go_cell_z;
+                going = is_before(t, axis, end, last);
+                continue;
+            }
+#elif TILE
+            /* Rays that have met nothing for a while may be far from everything. */
+            idle = uniform && !within_cell ? idle + 1 : 0;
+            if (idle >= IDLE) {
+                idle = 0;
+                const int near_x = at_x / BLOCK_X, near_y = at_y / BLOCK_Y, near_z = at_z / BLOCK_Z;
+                const int free = distances[((ulong)near_z * blocks.y + near_y) * blocks.x + near_x];
+                if (free >= WORTH) {
+                    const long then_x = moment_beyond(&x, near_x, free, BLOCK_X, columns.x, SIDE_X);
+                    const long then_y = moment_beyond(&y, near_y, free, BLOCK_Y, columns.y, SIDE_Y);
+                    const long then_z = moment_beyond(&z, near_z, free, BLOCK_Z, columns.z, SIDE_Z);
+                    axis = first_axis(then_x, then_y, then_z);
+                    t = one_of(axis, then_x, then_y, then_z);
+                    cell_x = cells_passed(&x, x.zero, SIDE_X, x.standing, t, axis, 0);
+                    cell_y = cells_passed(&y, y.zero, SIDE_Y, y.standing, t, axis, 1);
+                    cell_z = cells_passed(&z, z.zero, SIDE_Z, z.standing, t, axis, 2);
+                    cell_out_x = moment_out(&x, x.zero, SIDE_X, cell_x);
+                    cell_out_y = moment_out(&y, y.zero, SIDE_Y, cell_y);
+                    cell_out_z = moment_out(&z, z.zero, SIDE_Z, cell_z);
+                    going = is_before(t, axis, end, last);
+                    continue;
                 }
             }
-#if !LENGTHS
-            if (!(place & LEFT)) {
-                const long step = place - before;
-                const int along = step == 0 ? axis : (step == go_x ? 0 : (step == go_y ? 1 : 2));
-                const long now =
-                    step == 0 ? t : one_of(along, out_x - x.step, out_y - y.step, out_z - z.step);
-                const uint bit = (uint)place;
-                AT_CELL
-                if (is_before(now, along, end, last))
-                    MEET(at_x * SIDE_X + BIT_X(bit), at_y * SIDE_Y + BIT_Y(bit),
-                         at_z * SIDE_Z + BIT_Z(bit), now, along,
-                         within_cell ? INSIDE_CELL : KIND_OF(base + bit / 32, bit % 32));
-                break;
-            }
-#endif
-#endif
-        }
-#if STATES
-        if (free >= WORTH) {
-#elif TILE
-        /* Rays that have met nothing for a while may be far from everything. */
-        idle = uniform && !within_cell ? idle + 1 : 0;
-        int free = 0;
-        if (idle >= IDLE) {
-            idle = 0;
-            const int near_x = at_x / BLOCK_X, near_y = at_y / BLOCK_Y, near_z = at_z / BLOCK_Z;
-            free = distances[((ulong)near_z * blocks.y + near_y) * blocks.x + near_x];
-        }
-        if (free >= WORTH) {
-#endif
-#if TILE
-            AT_CELL
-            const long then_x = moment_beyond(&x, at_x / BLOCK_X, free, BLOCK_X, columns.x, SIDE_X);
-            const long then_y = moment_beyond(&y, at_y / BLOCK_Y, free, BLOCK_Y, columns.y, SIDE_Y);
-            const long then_z = moment_beyond(&z, at_z / BLOCK_Z, free, BLOCK_Z, columns.z, SIDE_Z);
-            const long since = t;
-            axis = first_axis(then_x, then_y, then_z);
-            t = one_of(axis, then_x, then_y, then_z);
-#if LENGTHS
-            if (within_cell) within += min(t, end) - since;
-#endif
-            cell_x = cells_passed(&x, x.zero, SIDE_X, x.standing, t, axis, 0);
-            cell_y = cells_passed(&y, y.zero, SIDE_Y, y.standing, t, axis, 1);
-            cell_z = cells_passed(&z, z.zero, SIDE_Z, z.standing, t, axis, 2);
-            cell_out_x = moment_out(&x, x.zero, SIDE_X, cell_x);
-            cell_out_y = moment_out(&y, y.zero, SIDE_Y, cell_y);
-            cell_out_z = moment_out(&z, z.zero, SIDE_Z, cell_z);
-#if STATES
-            index = INDEX;
-#endif
-            going = is_before(t, axis, end, last);
-            continue;
-        }
 #endif
 #if LENGTHS
-        if (within_cell) within += min(min(cell_out_x, min(cell_out_y, cell_out_z)), end) - t;
+            if (within_cell) within += min(min(cell_out_x, min(cell_out_y, cell_out_z)), end) - t;
 #endif
-#if STATES
         }
-#endif
         if (cell_out_x <= cell_out_y && cell_out_x <= cell_out_z) {
             t = cell_out_x;
             axis = 0;

@@ -27,7 +27,7 @@
 #define FIRST_CRUMB(voxel, side) ((voxel) * CRUMBS / (side))
 #define LAST_CRUMB(voxel, side) ((((voxel) + 1) * CRUMBS - 1) / (side))
 
-/* `count` numbers of so many bits each, all of them the same. */
+/* Times these, crumbs of a row are those of all rows, and rows of a layer those of all layers. */
 #define EACH_ROW 0x1111111111111111UL
 #define EACH_LAYER 0x0001000100010001UL
 
@@ -83,10 +83,11 @@ __kernel void crumble(
 }
 
 /* Is any of the crumbs from low to high taken?  Both are of the whole grid. */
-static bool holds_any(
+static inline bool holds_any(
     MODEL_PARAMETERS, const int4 columns, const __global uint *states,
     const __global ulong *crumbs, const int4 low, const int4 high)
 {
+    ulong found = 0;
     for (int k = low.z / CRUMBS; k <= high.z / CRUMBS; ++k)
         for (int j = low.y / CRUMBS; j <= high.y / CRUMBS; ++j)
             for (int i = low.x / CRUMBS; i <= high.x / CRUMBS; ++i) {
@@ -98,14 +99,14 @@ static bool holds_any(
                 const ulong state = cell_state(MODEL_ARGUMENTS, i, j, k);
                 const bool uniform = state >= CELL_OUTSIDE, filled = state == CELL_INSIDE;
 #endif
-                if (filled) return true;
+                found |= filled;
                 if (uniform) continue;
                 const int4 base = (int4)(i * CRUMBS, j * CRUMBS, k * CRUMBS, 0);
-                const ulong mask =
-                    crumbs_between(max(low - base, (int4)(0)), min(high - base, (int4)(CRUMBS - 1)));
-                if (crumbs[state] & mask) return true;
+                const int4 first = max(low - base, (int4)(0));
+                const int4 last = min(high - base, (int4)(CRUMBS - 1));
+                found |= crumbs[state] & crumbs_between(first, last);
             }
-    return false;
+    return found != 0;
 }
 
 /* One work-item follows one small tile.

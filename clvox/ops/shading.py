@@ -174,5 +174,6 @@ def choose_pixels(session: Session, canvas: cla.Array, least: int) -> tuple[int,
     listed, numbers = session.zeros(1, np.uint32), session.empty(rows * columns, np.uint32)
     kernel = session.kernel(_CHOOSE, "choose")
     size = int2(columns, rows)
-    session.run(kernel, rows * columns, size, np.uint32(least), canvas, listed, numbers, steps=8)
+    items = rows * -(-columns // 4)
+    session.run(kernel, items, size, np.uint32(least), canvas, listed, numbers, steps=32)
     return int(listed.get()[0]), numbers
