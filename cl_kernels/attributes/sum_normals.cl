@@ -41,8 +41,9 @@ static inline void add(__global uint *sum, const int value)
     const uint low = (uint)value;
     const uint before = atomic_add(sum, low);
 #if LIMBS == 2
+    /* Nothing, unless the sum's sign changes or it grows past a word. */
     const uint high = (value < 0 ? 0xffffffffu : 0u) + (before + low < low);
-    atomic_add(sum + 1, high);
+    if (high) atomic_add(sum + 1, high);
 #endif
 }
 

@@ -14,15 +14,9 @@ static inline uchar16 four_pixels(
 {
     const __global uchar *line = pixels + 4 * (ulong)clamp(row, 0, size.y - 1) * size.x;
     if (column >= 0 && column + 4 <= size.x) return vload16(0, line + 4 * column);
-    const int last = size.x - 1;
-    return (uchar16)(vload4(clamp(column, 0, last), line), vload4(clamp(column + 1, 0, last), line),
-                     vload4(clamp(column + 2, 0, last), line),
-                     vload4(clamp(column + 3, 0, last), line));
-}
-
-static inline bool differs(const uchar4 most, const uint least)
-{
-    return max(max(most.x, most.y), max(most.z, most.w)) >= least;
+    uchar bytes[16];
+    for (int i = 0; i < 16; ++i) bytes[i] = line[4 * clamp(column + i / 4, 0, size.x - 1) + i % 4];
+    return vload16(0, bytes);
 }
 
 /* One work-item looks at four pixels of a row, and at the eight around each of them.
@@ -38,10 +32,15 @@ __kernel void choose(
     const uchar16 own = four_pixels(size, pixels, row, column);
     uchar16 most = (uchar16)(0);
     for (int y = row - 1; y <= row + 1; ++y)
-        for (int x = column - 1; x <= column + 1; ++x)
-            most = max(most, abs_diff(own, four_pixels(size, pixels, y, x)));
-    const uchar4 parts[4] = {most.s0123, most.s4567, most.s89ab, most.scdef};
-    for (int i = 0; i < min(size.x - column, 4); ++i)
-        if (differs(parts[i], least))
+        for (int x = column - 1; x <= column + 1; ++x) {
+            const uchar16 other = four_pixels(size, pixels, y, x);
+            most = max(most, max(own, other) - min(own, other));
+        }
+    uchar bytes[16];
+    vstore16(most, 0, bytes);
+    for (int i = 0; i < min(size.x - column, 4); ++i) {
+        const uchar *pixel = bytes + 4 * i;
+        if (max(max(pixel[0], pixel[1]), max(pixel[2], pixel[3])) >= least)
             list[atomic_inc(listed)] = (uint)row * size.x + column + i;
+    }
 }
