@@ -262,8 +262,8 @@ class Lattice:
         (n, 3) int32
         """
         where = np.ascontiguousarray(points, dtype=np.float64)
-        steps = np.empty(where.shape, dtype=np.int32)
-        flat, flat_steps = where.reshape(-1), steps.reshape(-1)
+        # A number more, so that the array may be sent as it lies (`clvox.ops.facets.pad`).
+        flat, flat_steps = where.reshape(-1), np.zeros(where.size + 1, dtype=np.int32)
         origins, spacings = _repeated(len(where), self.grid.origin, self.grid.spacing)
 
         def part(start: int, stop: int) -> None:
@@ -277,7 +277,7 @@ class Lattice:
             flat_steps[span] = buffer
 
         in_blocks(part, len(where))
-        return steps
+        return flat_steps[:-1].reshape(where.shape)
 
 
 def _repeated(rows: int, *triples: ArrayLike) -> list[NDArray[np.float64]]:

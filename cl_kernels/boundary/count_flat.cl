@@ -7,9 +7,11 @@
  * Defines:    RUN  triangles per work-item
  */
 #include "boundary/flat.h"
+#include "common/corners.h"
 
 /* One work-item counts RUN triangles.
- * faces: (m, 3) int32, vertices: (n, 3) int32, on the lattice.  counts: (ceil(m / RUN),) uint32. */
+ * faces: (m, 3) int32, vertices: (3 n + 1,) int32, on the lattice.
+ * counts: (ceil(m / RUN),) uint32. */
 __kernel void count_flat(
     const ulong n, const __global int *restrict faces, const __global int *restrict vertices,
     __global uint *restrict counts)
@@ -18,9 +20,9 @@ __kernel void count_flat(
     if (start >= n) return;
     uint count = 0;
     for (ulong triangle = start; triangle < min(start + RUN, n); ++triangle) {
-        const int3 a = vload3((ulong)faces[3 * triangle], vertices);
-        const int3 b = vload3((ulong)faces[3 * triangle + 1], vertices);
-        const int3 c = vload3((ulong)faces[3 * triangle + 2], vertices);
+        const int3 a = load_corner(vertices, faces[3 * triangle]);
+        const int3 b = load_corner(vertices, faces[3 * triangle + 1]);
+        const int3 c = load_corner(vertices, faces[3 * triangle + 2]);
         count += is_flat(b - a, c - a);
     }
     counts[get_global_id(0)] = count;

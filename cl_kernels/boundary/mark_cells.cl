@@ -12,6 +12,7 @@
  *             SINK       0: CELLS, one bit per cell, rows padded to words;
  *                        1: VOXELS, in the bricks of a model
  *             RUN, DIRECT, TILE  (boundary/visit.h)
+ *             ATOMIC_LOADS  if defined, OpenCL C 3.0 with atomic_load_explicit() (for CELLS)
  *             LEVELS, BRICK_*, MIDDLE_*  of the model, for the sink VOXELS (common/bricks.h)
  * Source:     separating axes in projections after M. Schwarz, H.-P. Seidel, "Fast parallel
  *             surface and solid voxelization on GPUs", ACM TOG 29(6), 2010, in integers.
@@ -22,34 +23,65 @@
 #define CELLS 0
 #define VOXELS 1
 
+/* Neighbouring cells often share a word: its bits are gathered, and written when another word's
+ * turn comes. */
+#define GATHER_BITS \
+    static inline void finish(const Sink *sink) \
+    { \
+        if (sink->bits) atomic_or(sink->word, sink->bits); \
+    } \
+    static inline void set_bit(Sink *sink, __global uint *word, const uint bit) \
+    { \
+        if (word != sink->word) { \
+            finish(sink); \
+            sink->word = word; \
+            sink->bits = 0; \
+        } \
+        sink->bits |= bit; \
+    }
+
 #if SINK == CELLS
 
+#define IDEMPOTENT
 #define SINK_PARAMETERS __global uint *marks
-#define MAKE_SINK(grid) { marks, (grid).y, ((grid).x + 31) / 32 }
+#define MAKE_SINK(grid) { marks, (grid).y, ((grid).x + 31) / 32, marks, 0 }
 typedef struct {
     __global uint *marks;
     int rows, row_words;
+    __global uint *word;
+    uint bits;
 } Sink;
 
-#define IDEMPOTENT
+#ifdef ATOMIC_LOADS
 
 /* Many triangles touch a cell: looking first, be the answer late, saves nearly all atomics. */
+static inline void set_bit(Sink *sink, __global uint *word, const uint bit)
+{
+    const uint seen = atomic_load_explicit(
+        (volatile __global atomic_uint *)word, memory_order_relaxed, memory_scope_device);
+    if (bit & ~seen) atomic_or(word, bit);
+}
+
+static inline void finish(const Sink *sink) {}
+
+#else
+
+GATHER_BITS
+
+#endif
+
 static inline void mark_if(
     Sink *sink, const bool touches, const int3 cell, const ulong triangle)
 {
     const ulong row = (ulong)cell.z * sink->rows + cell.y;
     const uint x = (uint)cell.x;
-    __global uint *word = sink->marks + row * sink->row_words + x / 32;
-    const uint bit = (uint)touches << (x % 32);
-    if (bit & ~*word) atomic_or(word, bit);
+    set_bit(sink, sink->marks + row * sink->row_words + x / 32, (uint)touches << (x % 32));
 }
 
 static inline void mark(Sink *sink, const int3 cell, const ulong triangle)
 {
     mark_if(sink, true, cell, triangle);
 }
-
-static inline void finish(const Sink *sink) {}
 
 #else
 
@@ -66,22 +98,7 @@ typedef struct {
     uint bits;
 } Sink;
 
-/* Neighbouring voxels often share a word: its bits are gathered, and written when another word's
- * turn comes. */
-static inline void finish(Sink *sink)
-{
-    if (sink->bits) atomic_or(sink->word, sink->bits);
-}
-
-static inline void set(Sink *sink, __global uint *word, const uint bit)
-{
-    if (word != sink->word) {
-        finish(sink);
-        sink->word = word;
-        sink->bits = 0;
-    }
-    sink->bits |= bit;
-}
+GATHER_BITS
 
 static inline void mark(Sink *sink, const int3 cell, const ulong triangle)
 {
@@ -94,7 +111,7 @@ static inline void mark(Sink *sink, const int3 cell, const ulong triangle)
     if (sink->brick == NO_BRICK) return;
     const int3 at = cell - above * sides;
     const int bit = (at.z * BRICK_Y + at.y) * BRICK_X + at.x;
-    set(sink, sink->marks + (ulong)sink->brick * BRICK_WORDS + bit / 32, 1u << (bit % 32));
+    set_bit(sink, sink->marks + (ulong)sink->brick * BRICK_WORDS + bit / 32, 1u << (bit % 32));
 }
 
 #endif

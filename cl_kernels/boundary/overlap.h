@@ -18,6 +18,7 @@
 #ifndef CLVOX_OVERLAP_H
 #define CLVOX_OVERLAP_H
 
+#include "common/corners.h"
 #include "common/exact_sign.h"
 #include "common/spans.h"
 
@@ -125,20 +126,15 @@ static inline long cross2(const int2 a, const int2 b, const int2 c)
     return (long)(b.x - a.x) * (c.y - a.y) - (long)(b.y - a.y) * (c.x - a.x);
 }
 
-static inline int3 corner_of(const __global int *vertices, const int number)
-{
-    return vload3((ulong)number, vertices);
-}
-
 /* The columns of cells (first u, first v, last u, last v) below the triangle, and all that their
  * tests need.  cells: shape of the grid of cells (x, y, z). */
 static inline int4 make_solid(
     Solid *s, const __global int *faces, const __global int *vertices, const ulong triangle,
     const int3 cells)
 {
-    int3 a = corner_of(vertices, faces[3 * triangle]);
-    int3 b = corner_of(vertices, faces[3 * triangle + 1]);
-    int3 c = corner_of(vertices, faces[3 * triangle + 2]);
+    int3 a = load_corner(vertices, faces[3 * triangle]);
+    int3 b = load_corner(vertices, faces[3 * triangle + 1]);
+    int3 c = load_corner(vertices, faces[3 * triangle + 2]);
     const int3 low = min(min(a, b), c);
     const int3 high = max(max(a, b), c);
     const long nx = cross2(a.yz, b.yz, c.yz);

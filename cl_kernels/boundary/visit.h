@@ -109,9 +109,9 @@ static bool mark_triangle(
     Sink *sink, uint *flat, const int3 grid, const __global int *faces,
     const __global int *vertices, const ulong triangle)
 {
-    const int3 a = corner_of(vertices, faces[3 * triangle]);
-    const int3 b = corner_of(vertices, faces[3 * triangle + 1]);
-    const int3 c = corner_of(vertices, faces[3 * triangle + 2]);
+    const int3 a = load_corner(vertices, faces[3 * triangle]);
+    const int3 b = load_corner(vertices, faces[3 * triangle + 1]);
+    const int3 c = load_corner(vertices, faces[3 * triangle + 2]);
     *flat += is_flat(b - a, c - a);
     const int3 low = min(min(a, b), c);
     const int3 high = max(max(a, b), c);
@@ -155,7 +155,7 @@ static bool mark_triangle(
 /* One work-item does RUN triangles in a row, from `first` on: those of few columns; the others it
  * puts on the list.
  * grid: shape of the grid of cells (x, y, z).
- * faces: (m, 3) int32, vertices: (n, 3) int32, on the lattice.
+ * faces: (m, 3) int32, vertices: (3 n + 1,) int32, on the lattice.
  * listed: (2,) uint32, length of the list and number of triangles without area, zero before the
  * first launch.
  * list: (m,) uint32, triangle numbers in no particular order. */

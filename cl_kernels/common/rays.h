@@ -13,9 +13,9 @@
 #ifndef CLVOX_RAYS_H
 #define CLVOX_RAYS_H
 
+#include "common/corners.h"
+
 #define STEP (1 << STEP_BITS)
-#define AXIS_U ((AXIS + 1) % 3)
-#define AXIS_V ((AXIS + 2) % 3)
 
 /* Three corners (u, v, w), counter-clockwise in (u, v): twice the area `area` is positive, or zero
  * for a triangle that the rays cannot cross.  `flipped`: two corners had to change places. */
@@ -25,19 +25,19 @@ typedef struct {
     bool flipped;
 } Facet;
 
-static inline int3 load_corner(const __global int *vertices, int number)
+static inline int3 load_along(const __global int *vertices, const int number)
 {
-    const __global int *at = vertices + 3 * (ulong)number;
-    return (int3)(at[AXIS_U], at[AXIS_V], at[AXIS]);
+    const int3 at = load_corner(vertices, number);
+    return AXIS == 0 ? at.yzx : AXIS == 1 ? at.zxy : at;
 }
 
 static inline Facet load_facet(
     const __global int *faces, const __global int *vertices, ulong triangle)
 {
     Facet f;
-    f.a = load_corner(vertices, faces[3 * triangle]);
-    f.b = load_corner(vertices, faces[3 * triangle + 1]);
-    f.c = load_corner(vertices, faces[3 * triangle + 2]);
+    f.a = load_along(vertices, faces[3 * triangle]);
+    f.b = load_along(vertices, faces[3 * triangle + 1]);
+    f.c = load_along(vertices, faces[3 * triangle + 2]);
     f.area = (long)(f.b.x - f.a.x) * (f.c.y - f.a.y) - (long)(f.b.y - f.a.y) * (f.c.x - f.a.x);
     f.flipped = f.area < 0;
     if (f.flipped) {

@@ -44,7 +44,7 @@ static inline bool fills(const Facet f, const int4 box)
 /* One work-item does RUN triangles in a row, from `first` on: those of few candidate rays; the
  * others it puts on the list.
  * window: the rays (first u, first v, last u, last v) that are cast.
- * faces: (m, 3) int32, vertices: (n, 3) int32, on the lattice.
+ * faces: (m, 3) int32, vertices: (3 n + 1,) int32, on the lattice.
  * listed: (1,) uint32, length of the list, zero before the first launch.
  * list: (m,) uint32, triangle numbers in no particular order. */
 __kernel void cast_direct(

@@ -15,7 +15,8 @@
 
 /* One work-item looks at one triangle.
  * first, last: corners, on the lattice, of a box that holds all marked cells.
- * grid: shape of the grid of cells.  faces: (m, 3) int32, vertices: (n, 3) int32, on the lattice.
+ * grid: shape of the grid of cells.
+ * faces: (m, 3) int32, vertices: (3 n + 1,) int32, on the lattice.
  * marks: a bit per cell, rows padded to words.
  * listed: (1,) uint32, zero on entry: how many are on the list.
  * list: (m, 3) int32, the vertex numbers of those triangles, in no particular order. */
@@ -27,9 +28,9 @@ __kernel void list_near(
     const ulong triangle = get_global_id(0);
     if (triangle >= count) return;
     const int3 numbers = vload3(triangle, faces);
-    const int3 a = corner_of(vertices, numbers.x);
-    const int3 b = corner_of(vertices, numbers.y);
-    const int3 c = corner_of(vertices, numbers.z);
+    const int3 a = load_corner(vertices, numbers.x);
+    const int3 b = load_corner(vertices, numbers.y);
+    const int3 c = load_corner(vertices, numbers.z);
     const int3 low = min(min(a, b), c);
     const int3 high = max(max(a, b), c);
     if (any(low > last.xyz) || any(high < first.xyz)) return;

@@ -30,6 +30,8 @@ class Device:
         Bytes of memory, and of the largest single buffer.
     units : int
         Compute units.
+    atomic_loads : bool
+        Whether kernels may look at a word that others are changing: an option of OpenCL C 3.0.
     """
 
     name: str
@@ -39,6 +41,7 @@ class Device:
     memory: int
     largest_allocation: int
     units: int
+    atomic_loads: bool
     handle: cl.Device = field(repr=False, compare=False)
 
     def __str__(self) -> str:
@@ -124,8 +127,17 @@ def _describe(handle: cl.Device) -> Device:
         memory=handle.global_mem_size,
         largest_allocation=handle.max_mem_alloc_size,
         units=handle.max_compute_units,
+        atomic_loads="__opencl_c_atomic_scope_device" in _features(handle),
         handle=handle,
     )
+
+
+def _features(handle: cl.Device) -> set[str]:
+    """The optional features of OpenCL C that a device has; before version 3.0, none."""
+    try:
+        return {feature.name for feature in handle.opencl_c_features}
+    except (cl.Error, AttributeError):
+        return set()
 
 
 def _advice() -> str:

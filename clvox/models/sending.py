@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clvox.device import Session
-from clvox.ops.facets import FacetChunks, Facets, Mesh
+from clvox.ops.facets import FacetChunks, Facets, Mesh, pad
 
 BYTES_PER_TRIANGLE = 72
 """What a triangle of a part takes: corners 36, numbers 12, lists 16; and what the pool rounds."""
@@ -39,7 +39,8 @@ class SentMesh:
     def fit(self, room: int) -> None:
         """Let the mesh, and what visiting it takes, be in *room* bytes."""
         size_of, largest = self._session.size_of, self._session.device.largest_allocation
-        sizes = size_of(self._vertices.nbytes), size_of(self._faces.nbytes)
+        vertices = pad(self._vertices)
+        sizes = size_of(vertices.nbytes), size_of(self._faces.nbytes)
         whole = sum(sizes) + VISIT_BYTES * len(self._faces)
         if whole > room or max(sizes) > largest:
             most = max(min(room, largest) // BYTES_PER_TRIANGLE, 1)
@@ -47,4 +48,4 @@ class SentMesh:
         elif not isinstance(self.facets, Facets):
             # They stay here as long as they are visited.
             share = self._session.share
-            self.facets = Facets(share(self._vertices), share(self._faces))
+            self.facets = Facets(share(vertices), share(self._faces))

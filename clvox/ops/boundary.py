@@ -58,6 +58,8 @@ def mark_and_count(
     if marks is None:
         marks = session.zeros((cells[2], cells[1], words_for(cells[0])), np.uint32)
     defines = _defines(bits, brick, _CELLS, direct, tile)
+    if session.device.atomic_loads:
+        defines["ATOMIC_LOADS"] = 1
     flat = visit_facets(session, _FILE, "mark", facets, int4(cells), (marks,), defines, progress)
     return marks, flat
 

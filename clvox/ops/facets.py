@@ -35,7 +35,7 @@ _TILE_STEPS = 32
 class Facets(NamedTuple):
     """A mesh on the device, on the lattice.
 
-    vertices: (n, 3) int32, lattice steps; faces: (m, 3) int32.
+    vertices: (3 n + 1,) int32, lattice steps, as `pad` leaves them; faces: (m, 3) int32.
     """
 
     vertices: cla.Array
@@ -127,7 +127,25 @@ def upload_facets(
     session: Session, vertices: NDArray[np.int32], faces: NDArray[np.int32]
 ) -> Facets:
     """Return the mesh on the device."""
-    return Facets(session.upload(vertices), session.upload(faces))
+    return Facets(session.upload(pad(vertices)), session.upload(faces))
+
+
+def pad(vertices: NDArray[np.int32]) -> NDArray[np.int32]:
+    """Return the coordinates of *vertices*, (n, 3), in a row and one number more, (3 n + 1,).
+
+    So kernels load a corner as four numbers at once, whichever it is.  What `Lattice.snap` made
+    is not copied.
+    """
+    row = vertices.base
+    if (
+        isinstance(row, np.ndarray)
+        and row.shape == (vertices.size + 1,)
+        and row.dtype == vertices.dtype
+        and vertices.flags.c_contiguous
+        and row.ctypes.data == vertices.ctypes.data
+    ):
+        return row
+    return np.append(vertices, np.int32(0))
 
 
 def visit_facets(

@@ -31,7 +31,7 @@ def no_wish(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def device(name: str, platform: str, kind: str) -> Device:
     """A device that is only looked at."""
-    return Device(name, platform, "OpenCL 3.0", kind, 1 << 30, 1 << 28, 4, cast("Any", None))
+    return Device(name, platform, "OpenCL 3.0", kind, 1 << 30, 1 << 28, 4, False, cast("Any", None))
 
 
 ZOO = [
@@ -435,3 +435,15 @@ def test_a_compiler_older_than_the_processor(
         session._build("buffers/clear.cl", {})
     assert complaint in str(caught.value)
     assert ("pip install 'clvox[intel]'" in str(caught.value)) == young
+
+
+def test_drivers_before_opencl_3_have_no_optional_features() -> None:
+    class Old:
+        @property
+        def opencl_c_features(self) -> list[object]:
+            raise cl.LogicError("clGetDeviceInfo failed: INVALID_VALUE")
+
+    new = SimpleNamespace(opencl_c_features=[SimpleNamespace(name="__opencl_c_int64")])
+    assert choice._features(cast("Any", Old())) == set()
+    assert choice._features(cast("Any", SimpleNamespace())) == set()
+    assert choice._features(cast("Any", new)) == {"__opencl_c_int64"}

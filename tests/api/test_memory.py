@@ -21,12 +21,12 @@ import clvox
 from clvox.device import Session
 from clvox.device import session as sessions
 from clvox.errors import GridError, OutOfMemoryError
-from clvox.grid import Grid
+from clvox.grid import Grid, Lattice
 from clvox.models.attributes import Attribute
 from clvox.models.construct import Fill
 from clvox.models.memory import LEAST_WORK
 from clvox.ops import crossings
-from clvox.ops.facets import FacetChunks
+from clvox.ops.facets import FacetChunks, pad
 
 FILLS: list[Fill] = ["parity", "nonzero", "positive", "surface"]
 MB = 10**6
@@ -519,5 +519,19 @@ def test_a_mesh_in_parts_has_all_its_triangles(session: Session) -> None:
     assert (mesh.triangles, mesh.parts) == (5, 3)
     found = [mesh.part(session, number) for number in range(3)]
     assert [part.triangles for part in found] == [2, 2, 1]
-    corners = np.concatenate([part.vertices.get()[part.faces.get()] for part in found])
-    assert np.array_equal(corners, vertices[faces])
+    rows = [part.vertices.get()[:-1].reshape(-1, 3) for part in found]
+    corners = [row[part.faces.get()] for row, part in zip(rows, found, strict=True)]
+    assert np.array_equal(np.concatenate(corners), vertices[faces])
+
+
+def test_what_was_snapped_is_sent_as_it_lies() -> None:
+    """Kernels load four numbers at the last corner, too."""
+    points = np.random.default_rng(5).random((7, 3))
+    steps = Lattice(Grid((0, 0, 0), 1, (2, 2, 2)), 8).snap(points)
+    row = pad(steps)
+    assert np.shares_memory(row, steps)
+    assert row.shape == (22,)
+    assert row[-1] == 0
+    for other in (steps[1:], steps[:-1], steps.copy(), steps[::-1], np.asfortranarray(steps)):
+        np.testing.assert_array_equal(pad(other), [*other.ravel(), 0])
+        assert not np.shares_memory(pad(other), steps)

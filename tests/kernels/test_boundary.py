@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -76,6 +77,18 @@ def test_cells_equal_the_twin(
     for mesh in meshes:
         found = marked(session, mesh, bits, shape, cell, direct, tile)
         expected = pack_bits(touched(*mesh, bits, shape, cell))
+        np.testing.assert_array_equal(found, expected, strict=True)
+
+
+def test_devices_without_atomic_loads_mark_the_same(
+    session: Session, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What a device that has them does is what all other tests see."""
+    meshes = meshes_for(34, some(20), 11, (17, 20, 19))
+    first = [marked(session, mesh, 11, (17, 20, 19), (8, 8, 8)) for mesh in meshes]
+    monkeypatch.setattr(session, "device", replace(session.device, atomic_loads=False))
+    for mesh, expected in zip(meshes, first, strict=True):
+        found = marked(session, mesh, 11, (17, 20, 19), (8, 8, 8))
         np.testing.assert_array_equal(found, expected, strict=True)
 
 
