@@ -89,7 +89,7 @@ STAND_INS = {
     "Engine Cover": "parts/nist_machined_part_pmi4_119k.stl.gz",
 }
 
-MOST_BYTES = 1 << 26
+MOST_BYTES = 1 << 24
 """VTK takes a byte for each voxel, and seconds for each picture; it is asked up to so many."""
 
 

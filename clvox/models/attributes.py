@@ -150,9 +150,7 @@ def _parts(count: int) -> Iterator[slice]:
     return (slice(first, first + PART) for first in range(0, count, PART))
 
 
-def triangle_normals(
-    vectors: NDArray[np.float64], *, by_area: bool = False
-) -> NDArray[np.int32]:
+def triangle_normals(vectors: NDArray[np.float64], *, by_area: bool = False) -> NDArray[np.int32]:
     """Return the normal of each triangle as integers; 0, three times, without area.
 
     All of one length, `UNIT`; or, *by_area*, as long as the triangle is large, in proportion, but

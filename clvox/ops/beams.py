@@ -99,15 +99,20 @@ def refine_starts(
 ) -> cla.Array:
     """Return how far the rays of each small tile meet nothing, (tiles,) float32, in directions.
 
-    wide: the same of wider tiles, as `TILE` is to `SMALL_TILE`.  tile: rays along the side of a small
-    one, a multiple of `SMALL_TILE`.  The model has
+    wide: the same of tiles that are wider, as `TILE` is to `SMALL_TILE`.  tile: rays along the side
+    of a small one, a multiple of `SMALL_TILE`.  The model has
     bricks, and *distances* their crumbs.
     """
     assert distances.crumbs is not None
     columns, rows = size
     tiles = -(-columns // tile) * -(-rows // tile)
     starts = session.empty(tiles, np.float32)
-    defines = {"TILE": tile, "WIDE_TILE": tile // SMALL_TILE * TILE, "STATES": int(distances.states is not None), "RULE": Rule.CENTRE}
+    defines = {
+        "TILE": tile,
+        "WIDE_TILE": tile // SMALL_TILE * TILE,
+        "STATES": int(distances.states is not None),
+        "RULE": Rule.CENTRE,
+    }
     kernel = session.kernel(_REFINE, "refine_starts", **defines, **arrays.defines)
     per_crumb = np.array(arrays.cell, np.float64) * (2.0**rays.bits / CRUMBS)
     states = distances.values if distances.states is None else distances.states

@@ -104,7 +104,9 @@ def take_crumbs(
     count = arrays.cells.last.count
     crumbs = session.empty(count, np.uint64)
     rule = Rule.CENTRE if edge is None else Rule.TOUCH
-    kernel = session.kernel(_REFINE, "crumble", TILE=1, WIDE_TILE=2, STATES=0, RULE=rule, **arrays.defines)
+    kernel = session.kernel(
+        _REFINE, "crumble", TILE=1, WIDE_TILE=2, STATES=0, RULE=rule, **arrays.defines
+    )
     marks = arrays.voxels if edge is None else edge
     session.run(kernel, count, np.uint32(count), arrays.voxels, marks, crumbs, steps=64)
     return crumbs
