@@ -12,6 +12,7 @@
  *             STEP_BITS  log2 of the lattice steps in one voxel
  *             SINK       0: COUNT, 1: DENSE, 2: BRICKS, 3: EMIT (crossings/sinks.h)
  *             EDGE_BITS  32 for cast_direct, 64 for cast_tiles (crossings/rasterise.h)
+ *             WIDE       1 if triangles have more than some candidate rays each, 0 if hardly
  *             RUN        triangles in a row that one work-item does directly
  *             DIRECT     most candidate rays of a triangle that is done directly
  *             FEW        most of a sliver that is
@@ -33,10 +34,13 @@
 #error "DIRECT is at most 2^14, so that edge functions fit 32 bits"
 #endif
 
-/* Does a triangle meet an eighth of its candidate rays, or has few?  Those of slivers are rather
- * solved for than tried. */
+/* Is a triangle done directly that has few enough candidate rays?  Where all candidates are tried,
+ * it should meet an eighth of them, or have few: those of slivers are rather solved for. */
 static inline bool fills(const Facet f, const int4 box)
 {
+#if WIDE
+    return true;
+#endif
     const long candidates = (long)(box.z - box.x + 1) * (box.w - box.y + 1);
     return candidates <= FEW || f.area >> (2 * STEP_BITS - 2) >= candidates;
 }

@@ -5,6 +5,9 @@
  * answers are the same.  A sink is defined before (crossings/sinks.h): a type Sink and a function
  * cross(Sink *, int u, int v, int at), `at` being the slot, or for the sink EMIT the depth.
  *
+ * A triangle of few candidate rays tries them all; of others only the covered rays of each row are
+ * solved for, and their slots are found LANES at a time.
+ *
  * Whether a ray is covered, nobody foresees: crossings are found without a branch, and handed to
  * the sink some dozens at a time, by drain(): one by one, or all to cross_all(sink, count, us, vs,
  * slots) of a sink that defines GATHERS.
@@ -24,20 +27,34 @@
  * and what is left then is again at most area * STEP.
  *
  * Defines:    EDGE_BITS  32 or 64
+ *             WIDE       1 if triangles may have many candidate rays, although EDGE_BITS is 32
  */
 #include "common/spans.h"
 
 #if EDGE_BITS == 32
 typedef int edge_t;
+typedef uint8 lanes_t;
+#define LANES_OF(places) as_uint8(places)
+#define FLOATS_OF(lanes) convert_float8(as_int8(lanes))
 #else
 typedef long edge_t;
+typedef ulong8 lanes_t;
+#define LANES_OF(places) convert_ulong8(places)
+#define FLOATS_OF(lanes) convert_float8(as_long8(lanes))
 #endif
+
+#define LANES 8
+
+/* Of so few candidate rays each is tried, and of fewer than SHORT in a span; of more, those that are
+ * covered are solved for. */
+#define MOST_TRIED 32
+#define SHORT 3
 
 #define ROUNDER 12582912.0f
 
 #define MOST_FOUND 32
 
-/* Crossings that the sink has not been given yet. */
+/* Crossings that the sink has not been given yet, less than MOST_FOUND. */
 typedef struct {
     uint count;
     int u[MOST_FOUND], v[MOST_FOUND], slot[MOST_FOUND];
@@ -160,51 +177,109 @@ static inline void scan_row(
     }
 }
 
-#if EDGE_BITS == 32
+/* The edge functions i rows and j rays on. */
+static inline Edges edges_at(const Planes *p, const Edges e, const edge_t i, const edge_t j)
+{
+    const Edges there = {e.a + j * p->bc.x - i * p->bc.y,
+                         e.b + j * p->ca.x - i * p->ca.y,
+                         e.c + j * p->ab.x - i * p->ab.y};
+    return there;
+}
+
+#if EDGE_BITS == 64 || WIDE
+
+#if SINK == EMIT
+#define solve_run scan_row
+#else
+
+/* The same of rays that are all covered, LANES at a time. */
+static inline void solve_run(
+    Sink *sink, Found *found, const Planes *p, const Edges e, const int u, const int first,
+    const int last)
+{
+    #pragma OPENCL FP_CONTRACT OFF
+    const int8 place = (int8)(0, 1, 2, 3, 4, 5, 6, 7);
+    /* Unsigned: what the lanes behind the last ray hold says nothing. */
+    lanes_t a = (lanes_t)(e.a) + LANES_OF(place) * (lanes_t)(p->bc.x);
+    lanes_t b = (lanes_t)(e.b) + LANES_OF(place) * (lanes_t)(p->ca.x);
+    for (int v = first; v <= last; v += LANES) {
+        const int count = min(last - v + 1, LANES);
+        const float8 estimate = FLOATS_OF(a) * p->slope_a + FLOATS_OF(b) * p->slope_b + p->base;
+        const float8 shifted = estimate + ROUNDER;
+        const float8 beyond = estimate - (shifted - ROUNDER);
+        if (any(fabs(beyond) <= p->doubt)) {
+            scan_row(sink, found, p, edges_at(p, e, 0, v - first), u, v, v + count - 1);
+        } else {
+            if (found->count >= MOST_FOUND - LANES) drain(found, sink);
+            const uint at = found->count;
+            vstore8((int8)(u), 0, found->u + at);
+            vstore8((int8)(v) + place, 0, found->v + at);
+            /* Whether it is positive is -1 in a vector. */
+            const uint8 slots = (uint8)(p->base_slot - as_int(ROUNDER)) + as_uint8(shifted)
+                              - as_uint8(beyond > 0.0f);
+            vstore8(as_int8(slots), 0, found->slot + at);
+            found->count = at + count;
+        }
+        a += (lanes_t)(LANES) * (lanes_t)(p->bc.x);
+        b += (lanes_t)(LANES) * (lanes_t)(p->ca.x);
+    }
+}
+
+#endif
+
+static inline bool covers(const Edges e)
+{
+    return (e.a | e.b | e.c) >= 0;
+}
+
+/* In rows from box.x + start on, a block of them, only the rays that are covered are. */
+static inline void solve_rows(
+    Sink *sink, Found *found, const Planes *p, const Edges origin, const int4 box, const int start)
+{
+    Spans spans;
+    int list[ROWS];
+    const int width = box.w - box.y;
+    const Edges row = edges_at(p, origin, start, 0);
+    spans_of(&spans, bounds_of(row.a, p->bc.x, -p->bc.y, width),
+             bounds_of(row.b, p->ca.x, -p->ca.y, width),
+             bounds_of(row.c, p->ab.x, -p->ab.y, width), width);
+    const int count = list_rows(&spans, box.z - box.x - start + 1, list);
+    for (int n = 0; n < count; ++n) {
+        const int i = list[n];
+        int first = spans.first[i], last = spans.last[i];
+        if (last - first + 1 < SHORT) {
+            scan_row(sink, found, p, edges_at(p, row, i, first), box.x + start + i, box.y + first,
+                     box.y + last);
+            continue;
+        }
+        /* Spans are rarely too wide, and those between two covered rays are covered. */
+        while (first <= last && !covers(edges_at(p, row, i, first))) ++first;
+        while (first < last && !covers(edges_at(p, row, i, last))) --last;
+        solve_run(sink, found, p, edges_at(p, row, i, first), box.x + start + i, box.y + first,
+                  box.y + last);
+    }
+}
+
+#endif
 
 /* Finds every crossing of the rays in `box` with triangle f; some may be left to drain(). */
 static inline void rasterise(Sink *sink, Found *found, const Facet f, const int4 box)
 {
     Planes p;
     Edges row = make_planes(&p, f, box.xy);
+#if EDGE_BITS == 64 || WIDE
+    if (EDGE_BITS == 64 || (box.z - box.x + 1) * (box.w - box.y + 1) > MOST_TRIED) {
+        for (int start = 0; start <= box.z - box.x; start += ROWS)
+            solve_rows(sink, found, &p, row, box, start);
+        return;
+    }
+#endif
+#if EDGE_BITS == 32
     for (int u = box.x; u <= box.z; ++u) {
         scan_row(sink, found, &p, row, u, box.y, box.w);
         row.a -= p.bc.y;
         row.b -= p.ca.y;
         row.c -= p.ab.y;
     }
-}
-
-#else
-
-/* In rows from box.x + start on, a block of them, only the rays that may be covered are. */
-static inline void solve_rows(
-    Sink *sink, Found *found, const Planes *p, const Edges row, const int4 box, const int start)
-{
-    Spans spans;
-    int list[ROWS];
-    const int width = box.w - box.y;
-    spans_of(&spans, bounds_of(row.a - (edge_t)start * p->bc.y, p->bc.x, -p->bc.y, width),
-             bounds_of(row.b - (edge_t)start * p->ca.y, p->ca.x, -p->ca.y, width),
-             bounds_of(row.c - (edge_t)start * p->ab.y, p->ab.x, -p->ab.y, width), width);
-    const int count = list_rows(&spans, box.z - box.x - start + 1, list);
-    for (int n = 0; n < count; ++n) {
-        const edge_t i = start + list[n], j = spans.first[list[n]];
-        const Edges e = {row.a + j * p->bc.x - i * p->bc.y,
-                         row.b + j * p->ca.x - i * p->ca.y,
-                         row.c + j * p->ab.x - i * p->ab.y};
-        scan_row(sink, found, p, e, box.x + (int)i, box.y + (int)j,
-                 box.y + spans.last[list[n]]);
-    }
-}
-
-/* The same for triangles of many candidate rays. */
-static inline void rasterise(Sink *sink, Found *found, const Facet f, const int4 box)
-{
-    Planes p;
-    const Edges row = make_planes(&p, f, box.xy);
-    for (int start = 0; start <= box.z - box.x; start += ROWS)
-        solve_rows(sink, found, &p, row, box, start);
-}
-
 #endif
+}

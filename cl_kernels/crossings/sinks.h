@@ -6,7 +6,7 @@
  * tells it of each triangle that is cast.  COUNT, DENSE and BRICKS commute and what EMIT lists is
  * sorted afterwards, so the order of the triangles never shows.
  *
- * Defines:    SINK  COUNT, DENSE, BRICKS or EMIT; and what these need: see cast_rays.cl
+ * Defines:    SINK  COUNT, DENSE, BRICKS or EMIT; WIDE; and what these need: see cast_rays.cl
  */
 #ifndef CLVOX_SINKS_H
 #define CLVOX_SINKS_H
@@ -100,6 +100,15 @@ static inline void cross(Sink *sink, const int u, const int v, const int slot)
 #include "common/bricks.h"
 #include "common/index.h"
 
+/* Rows of rays come back to the cells of the row before, those of small triangles to one. */
+#if WIDE
+#define KNOWN_CELLS 16
+#define CELL_PLACE(x, y) ((x) % 4 * 4 + (y) % 4)
+#else
+#define KNOWN_CELLS 1
+#define CELL_PLACE(x, y) 0
+#endif
+
 /* Rays along y: u is z and v is x.
  * columns: cells of voxels along each axis.  The tree above the bricks: common/bricks.h.
  * entry, beyond: a face per column of cells along y, (z, x), for crossings before the first sample
@@ -111,7 +120,7 @@ static inline void cross(Sink *sink, const int u, const int v, const int slot)
     __global uint *bricks, __global uint *exits, __global uint *entry, __global uint *beyond
 #define MAKE_SINK(window) \
     { TREE, columns, first_layer, first_brick, bricks, exits, entry, beyond, \
-      ULONG_MAX, ULONG_MAX, NO_BRICK, NO_BRICK }
+      ULONG_MAX, NO_BRICK, { 0 }, { 0 } }
 typedef struct {
     Tree tree;
     int4 columns;
@@ -121,8 +130,11 @@ typedef struct {
     __global uint *exits;
     __global uint *entry;
     __global uint *beyond;
-    ulong cell, above;  /* looked up last: a cell, and the coarse one above it */
-    uint brick, node;
+    ulong above;  /* the coarse cell looked up last */
+    uint node;
+    /* The last cell of each place, plus 1, and its brick. */
+    ulong known[KNOWN_CELLS];
+    uint brick_of[KNOWN_CELLS];
 } Sink;
 
 /* The bit of a voxel of the bricks as a number: its cell, and its word of the cell's brick. */
@@ -157,28 +169,31 @@ static inline void flip_word(Sink *sink, const ulong id, const uint bits)
 {
     const uint z = (uint)(id >> 47), y = (uint)(id >> 30) & 0x1ffff;
     const uint x = (uint)(id >> 13) & 0x1ffff, word = (uint)id & 0x1fff;
-    if (sink->cell != id >> 13) {
-        sink->cell = id >> 13;
+    const uint place = CELL_PLACE(x, y);
+    const ulong cell = (id >> 13) + 1;
+    if (sink->known[place] != cell) {
+        sink->known[place] = cell;
 #if LEVELS == 3
         const ulong above = WORD_OF(x / MIDDLE_X, y / MIDDLE_Y, z / MIDDLE_Z, 0);
         if (sink->above != above) {
             sink->above = above;
             sink->node = find_node(sink->tree, x, y, z);
         }
-        sink->brick = find_in_node(sink->tree, sink->node, x, y, z);
+        sink->brick_of[place] = find_in_node(sink->tree, sink->node, x, y, z);
 #else
-        sink->brick = find_brick(sink->tree, x, y, z);
+        sink->brick_of[place] = find_brick(sink->tree, x, y, z);
 #endif
     }
-    if (sink->brick != NO_BRICK) {
-        atomic_xor(sink->bricks + (ulong)sink->brick * BRICK_WORDS + word, bits);
+    const uint brick = sink->brick_of[place];
+    if (brick != NO_BRICK) {
+        atomic_xor(sink->bricks + (ulong)brick * BRICK_WORDS + word, bits);
         return;
     }
     for (uint left = bits; left; left &= left - 1) {
-        ulong place = 32 * word + popcount((left & -left) - 1);
-        const int in_x = take_place(&place, BRICK_X);
-        const int in_y = take_place(&place, BRICK_Y);
-        cross_outside(sink, z * BRICK_Z + (uint)place, x * BRICK_X + in_x,
+        ulong voxel = 32 * word + popcount((left & -left) - 1);
+        const int in_x = take_place(&voxel, BRICK_X);
+        const int in_y = take_place(&voxel, BRICK_Y);
+        cross_outside(sink, z * BRICK_Z + (uint)voxel, x * BRICK_X + in_x,
                       (int)(y * BRICK_Y) + in_y);
     }
 }

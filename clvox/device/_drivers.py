@@ -20,6 +20,9 @@ from tempfile import TemporaryDirectory
 
 import pyopencl as cl
 
+from clvox.device._environment import variable
+from clvox.device._pocl import start_threads
+
 LIST = Path("/etc/OpenCL/vendors")
 """Where the loader in PyOpenCL's wheels looks; it finds PoCL's wheel beside itself, always."""
 
@@ -41,7 +44,7 @@ def _platforms() -> tuple[cl.Platform, ...]:
     driver = None if any(map(os.environ.get, CHOSEN_BY_USER)) else intel_driver()
     with _listed(driver) if driver else ExitStack():
         try:
-            return tuple(cl.get_platforms())
+            return start_threads(cl.get_platforms)
         except cl.Error:
             # A loader without any driver says so by an error.
             return ()
@@ -70,14 +73,14 @@ def _listed(driver: Path) -> Iterator[None]:
                 folder = stack.enter_context(TemporaryDirectory(prefix="clvox-icd-"))
                 for name, line in drivers.items():
                     Path(folder, name).write_text(line)
-                stack.enter_context(_variable("OCL_ICD_VENDORS", folder))
+                stack.enter_context(variable("OCL_ICD_VENDORS", folder))
         else:
             # Khronos's loader, as on Windows, adds what this variable names.
             if sys.platform == "win32":
                 stack.enter_context(os.add_dll_directory(str(driver.parent)))
             names = [os.environ.get("OCL_ICD_FILENAMES", ""), str(driver)]
             value = os.pathsep.join(filter(None, names))
-            stack.enter_context(_variable("OCL_ICD_FILENAMES", value))
+            stack.enter_context(variable("OCL_ICD_FILENAMES", value))
         yield
 
 
@@ -91,17 +94,3 @@ def _system_drivers() -> dict[str, str]:
             # The loader passes over what it cannot read, too.
             continue
     return found
-
-
-@contextmanager
-def _variable(name: str, value: str) -> Iterator[None]:
-    """Set a variable of the environment for a while."""
-    before = os.environ.get(name)
-    os.environ[name] = value
-    try:
-        yield
-    finally:
-        if before is None:
-            del os.environ[name]
-        else:
-            os.environ[name] = before

@@ -1,4 +1,8 @@
-"""PoCL's wheel on processors that are younger than its compiler.
+"""What PoCL needs to be told: about its threads, and about young processors.
+
+PoCL keeps a thread for each core, asleep between kernels.  Linux wakes those that one thread calls
+on the core where that one runs, and spreads them only some milliseconds later: of a job of many
+short kernels one core does all the work.  So each thread is bound to its core, as PoCL offers.
 
 PoCL 3.0, the version on PyPI, holds LLVM 14 and asks it for the name of the processor.  For AMD's
 Zen 5 and later LLVM 14 answers "generic", a name that its own front end then refuses: no kernel
@@ -12,10 +16,17 @@ pointer's target reads "generic".
 from __future__ import annotations
 
 import ctypes
+import os
 import sys
+from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 
 import pyopencl as cl
+
+from clvox.device._environment import variable
+
+NAME = "Portable Computing Language"
 
 _BUILD = "PoCL 3.0-rc2  Linux, Release, RELOC, LLVM 14.0.6"
 _NAME_OFFSET = 640
@@ -30,6 +41,30 @@ _PROCESSORS = {
 }
 # PoCL keeps the pointer as long as the process lives, so the strings do too.
 _names = {name: ctypes.create_string_buffer(name) for name in _PROCESSORS}
+
+_BINDS = "POCL_AFFINITY"
+_COUNTS = "POCL_MAX_PTHREAD_COUNT"
+
+
+def start_threads(find: Callable[[], list[cl.Platform]]) -> tuple[cl.Platform, ...]:
+    """Return the platforms that *find* finds; have PoCL bind each of its threads to a core.
+
+    Not if the process may not use every core, since PoCL counts all of them; nor if the user has
+    decided about it, or wants few threads, which would share the first cores with those of other
+    processes.  Elsewhere than on Linux PoCL binds no threads.
+    """
+    if sys.platform != "linux" or _BINDS in os.environ or _COUNTS in os.environ:
+        return tuple(find())
+    if len(os.sched_getaffinity(0)) != os.cpu_count():
+        return tuple(find())
+    with variable(_BINDS, "1"):
+        found = tuple(find())
+        for platform in found:
+            if platform.name == NAME:
+                # It starts them when it is asked for devices, if no loader has asked yet.
+                with suppress(cl.Error):
+                    platform.get_devices()
+    return found
 
 
 def name_processor(device: cl.Device) -> None:

@@ -10,7 +10,7 @@ from typing import TypeAlias
 import pyopencl as cl
 
 from clvox.device._drivers import platforms
-from clvox.device._pocl import name_processor
+from clvox.device._pocl import NAME, name_processor
 from clvox.errors import DeviceError
 
 DeviceLike: TypeAlias = "str | int | Device | None"
@@ -104,7 +104,7 @@ def _preference(device: Device) -> int:
     """Where a device stands in the list; equal ones stay in the loader's order."""
     if device.kind == "gpu":
         return 0
-    return 1 if device.platform == "Portable Computing Language" else 2
+    return 1 if device.platform == NAME else 2
 
 
 def _handles(driver: cl.Platform) -> list[cl.Device]:

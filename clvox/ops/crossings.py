@@ -23,6 +23,15 @@ DIRECT = 256
 FEW = 32
 """Most candidate rays of a sliver that one work-item does alone."""
 
+WIDE = 8
+"""From so many rays a triangle on, one work-item solves for rays, and does four times as many."""
+
+WIDE_RUN = 4
+"""Triangles in a row that one work-item does then."""
+
+MOST_DIRECT = 1 << 14
+"""More candidate rays no triangle may have that one work-item does alone, in 32 bits."""
+
 TILE = 32
 """A tile has about as many crossings as a square of that side."""
 
@@ -224,5 +233,10 @@ def _cast(
     progress: Progress | None = None,
 ) -> None:
     """Triangles done directly have edge functions of 32 bits, those in tiles of 64."""
-    wide = {"EDGE_BITS": 64}
-    visit_facets(session, _FILE, "cast", facets, window.box, sink, defines, progress, tiled=wide)
+    wide = window.rays >= WIDE * facets.triangles
+    defines["WIDE"] = int(wide)
+    if wide:
+        defines["DIRECT"] = min(4 * defines["DIRECT"], MOST_DIRECT)
+        defines["RUN"] = WIDE_RUN
+    tiled = {"EDGE_BITS": 64, "WIDE": 1}
+    visit_facets(session, _FILE, "cast", facets, window.box, sink, defines, progress, tiled=tiled)

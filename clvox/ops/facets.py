@@ -169,7 +169,7 @@ def visit_facets(
     sink : tuple
         What the kernels take after the mesh: their outputs, above all.
     defines : dict
-        What they are built with.
+        What they are built with; RUN among it, if it is to be another.
     tiled : dict, optional
         What the kernels for tiles are built with instead, where that differs.
     progress : callable, optional
@@ -212,14 +212,14 @@ def _visit_part(
     count = faces.shape[0]
     if count == 0:
         return 0
-    defines = defines | {"RUN": RUN}
+    defines = {"RUN": RUN} | defines
     listed = session.zeros(2, np.uint32)
     entries = session.empty(count, np.uint32)
     direct = session.kernel(file, f"{verb}_direct", **defines)
     for first, last in _launches(count, TRIANGLES_PER_LAUNCH):
         session.run(
             direct,
-            -(-(last - first) // RUN),
+            -(-(last - first) // defines["RUN"]),
             *(np.uint64(first), np.uint64(last), space, faces, vertices, listed, entries),
             *sink,
         )

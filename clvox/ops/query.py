@@ -44,7 +44,7 @@ def look_up(
     session.run(
         kernel,
         count,
-        *(np.uint64(count), session.upload(voxels)),
+        *(np.uint64(count), session.share(voxels)),
         *(*arrays.arguments(edge), answers),
     )
     return answers.get()

@@ -413,6 +413,54 @@ def test_pocl_gets_a_name_for_the_processor(
     assert np.array_equal(np.delete(record, _pocl._NAME_OFFSET // 8), untouched)
 
 
+BOUND = """
+import os
+import clvox
+clvox.devices()
+sets = [os.sched_getaffinity(int(thread)) for thread in os.listdir("/proc/self/task")]
+print(sorted(next(iter(cores)) for cores in sets if len(cores) == 1))
+print(os.environ.get("POCL_AFFINITY"))
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="elsewhere PoCL binds no threads")
+@pytest.mark.skipif((os.cpu_count() or 1) < 2, reason="of one core nothing can be seen")
+@pytest.mark.parametrize("decided", [{}, {"POCL_AFFINITY": "0"}, {"POCL_MAX_PTHREAD_COUNT": "1"}])
+def test_pocl_keeps_a_thread_on_each_core(decided: dict[str, str]) -> None:
+    """Unless somebody has decided otherwise; and no process that starts later learns of it."""
+    if not any(platform.name == POCL for platform in _drivers.platforms()):
+        pytest.skip("PoCL is not installed")
+    cores = os.sched_getaffinity(0)
+    if len(cores) != os.cpu_count():
+        pytest.skip("this process may not use every core")
+    environment = {name: value for name, value in os.environ.items() if "POCL_" not in name}
+    said = subprocess.run(
+        [sys.executable, "-c", BOUND],
+        capture_output=True,
+        text=True,
+        check=True,
+        env=environment | decided,
+    ).stdout.splitlines()
+    assert said == [str([] if decided else sorted(cores)), str(decided.get("POCL_AFFINITY"))]
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="elsewhere PoCL binds no threads")
+def test_threads_are_not_bound_where_not_every_core_may_be_used(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.delenv("POCL_AFFINITY", raising=False)
+    monkeypatch.delenv("POCL_MAX_PTHREAD_COUNT", raising=False)
+    monkeypatch.setattr(os, "sched_getaffinity", lambda _: set[int]())
+    seen: list[str | None] = []
+
+    def find() -> list[cl.Platform]:
+        seen.append(os.environ.get("POCL_AFFINITY"))
+        return []
+
+    _pocl.start_threads(find)
+    assert seen == [None]
+
+
 def test_kernels_build(session: Session) -> None:
     """On whatever device this is, also on a processor younger than the driver's compiler."""
     words = session.upload(np.arange(100, dtype=np.uint32))

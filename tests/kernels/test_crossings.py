@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from clvox.device.source import read_source
 from clvox.grid import Axis, Grid, Lattice, Shape
-from clvox.ops.crossings import Window, count_crossings, flip_bricks, flip_dense
+from clvox.ops.crossings import WIDE_RUN, Window, count_crossings, flip_bricks, flip_dense
 from clvox.ops.facets import RUN
 from clvox.ops.layout import Bricks, Cells, cell_shape, words_for
 from clvox.ops.multilevel import rank_cells
@@ -212,17 +212,23 @@ static inline void cross(Sink *sink, const int u, const int v, const int slot)
 
 @every_axis
 @pytest.mark.parametrize(
-    ("bits", "shape", "edge"),
-    [(8, SMALL, 32), (7, (5, 6, 4), 64), (9, (10, 9, 11), 32), (14, (10, 9, 11), 64)],
+    ("bits", "shape", "edge", "wide"),
+    [
+        (8, SMALL, 32, 0),
+        (8, (9, 12, 10), 32, 1),
+        (7, (5, 6, 4), 64, 1),
+        (9, (10, 9, 11), 32, 0),
+        (14, (10, 9, 11), 64, 1),
+    ],
 )
 def test_slots_along_every_axis_equal_the_twin(
-    session: Session, bits: int, shape: Shape, edge: int, axis: Axis
+    session: Session, bits: int, shape: Shape, edge: int, wide: int, axis: Axis
 ) -> None:
     """And so rays along x, y and z give the same voxels."""
     at = twin.AXES[axis]
     rays_u, rays_v, depth = shape[(at + 1) % 3], shape[(at + 2) % 3], shape[at]
     defines = {"AXIS": at, "STEP_BITS": bits, "SINK": -1, "TILE": 1, "RUN": 1, "FEW": 1 << 40}
-    defines |= {"EDGE_BITS": edge, "DIRECT": 1 << (14 if edge == 32 else 40)}
+    defines |= {"EDGE_BITS": edge, "DIRECT": 1 << (14 if edge == 32 else 40), "WIDE": wide}
     source = SLOTS + read_source("crossings/cast_rays.cl")
     kernel = build(session, source, "cast_direct", **defines)
     for mesh in meshes_for(18, 60, bits, shape):
@@ -249,9 +255,11 @@ def test_slots_along_every_axis_equal_the_twin(
 
 
 @every_axis
-@pytest.mark.parametrize("triangles", [0, 1, RUN - 1, RUN, RUN + 1, 64 * RUN, 64 * RUN + 1])
+@pytest.mark.parametrize(
+    "triangles", [0, 1, WIDE_RUN, WIDE_RUN + 1, RUN - 1, RUN, RUN + 1, 64 * RUN, 64 * RUN + 1]
+)
 def test_any_number_of_triangles(session: Session, triangles: int, axis: Axis) -> None:
-    """Work-items do RUN each and come in groups of 64."""
+    """Work-items do RUN each, of a few triangles WIDE_RUN, and come in groups of 64."""
     for direct in (0, 256):
         case = Case(8, SMALL, direct, 4)
         vertices, faces = soup(15, triangles, case.bits, case.shape)
