@@ -89,8 +89,8 @@ STAND_INS = {
     "Engine Cover": "parts/nist_machined_part_pmi4_119k.stl.gz",
 }
 
-MOST_BYTES = 1 << 30
-"""VTK takes a byte for each voxel, and is asked up to so many."""
+MOST_BYTES = 1 << 24
+"""VTK takes a byte for each voxel, and seconds for each picture; it is asked up to so many."""
 
 
 def young(plan: Plan) -> Iterator[Result]:

@@ -9,6 +9,7 @@
  * Defines:    LEVELS, BRICK_*, MIDDLE_*  of the model (common/bricks.h)
  *             STEP_BITS, CELL_*, RUN, DIRECT, TILE  (boundary/visit.h), a cell being a voxel
  *             LIMBS  words of a sum: 1, or 2 where one might overflow
+ *             ATOMIC_LOADS  if defined, OpenCL C 3.0 with atomic_load_explicit()
  *             RANK_WORDS  1: the ranks that this kernel is given have an entry for each word
  * Source:     G. Young, "Multi-level voxel representation for GPU-accelerated solid modeling",
  *             2017: the mean normal of the triangles that meet a voxel.
@@ -41,9 +42,21 @@ static inline void add(__global uint *sum, const int value)
     const uint low = (uint)value;
     const uint before = atomic_add(sum, low);
 #if LIMBS == 2
+    /* Nothing, unless the sum's sign changes or it grows past a word. */
     const uint high = (value < 0 ? 0xffffffffu : 0u) + (before + low < low);
-    atomic_add(sum + 1, high);
+    if (high) atomic_add(sum + 1, high);
 #endif
+}
+
+static inline void set_lowest(__global uint *lowest, const uint number)
+{
+#ifdef ATOMIC_LOADS
+    /* Lower ones mostly come first: looking, be the answer late, saves nearly all of these. */
+    const uint seen = atomic_load_explicit(
+        (volatile __global atomic_uint *)lowest, memory_order_relaxed, memory_scope_device);
+    if (number <= seen) return;
+#endif
+    atomic_max(lowest, number);
 }
 
 static inline void mark(Sink *sink, const int3 cell, const ulong triangle)
@@ -63,7 +76,7 @@ static inline void mark(Sink *sink, const int3 cell, const ulong triangle)
     add(sink->sums + 3 * at * LIMBS, x);
     add(sink->sums + (3 * at + 1) * LIMBS, y);
     add(sink->sums + (3 * at + 2) * LIMBS, z);
-    atomic_max(sink->lowest + at, (x | y | z) != 0 ? ~(uint)triangle : 0u);
+    set_lowest(sink->lowest + at, (x | y | z) != 0 ? ~(uint)triangle : 0u);
 }
 
 static inline void finish(const Sink *sink)

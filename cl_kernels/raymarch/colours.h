@@ -15,19 +15,23 @@ static inline float4 over(const float4 background, const float4 colour, const fl
                     colour.z * opacity + background.z * behind, opacity + behind);
 }
 
+/* The nearest byte, of a part from 0 to 1; compilers do more for a conversion that rounds. */
 static inline uchar to_byte(const float part)
 {
-    return convert_uchar_sat_rte(part * 255.0f);
+    return (uchar)(int)(part * 255.0f + 0.5f);
 }
 
-/* sRGB's curve by roots, within a tenth of a grey level: a power would take most of the time. */
-static inline uchar to_srgb(const float linear)
+/* sRGB's curve, but near 0, by roots, within a tenth of a grey level: a power takes longer. */
+static inline float4 srgb_by_roots(const float4 value)
 {
-    const float value = clamp(linear, 0.0f, 1.0f);
-    const float second = sqrt(value), fourth = sqrt(second), eighth = sqrt(fourth);
-    const float curve = 0.64236529f * second + 0.71211087f * fourth - 0.33687011f * eighth
-                      - 0.01756299f * value;
-    return to_byte(value <= 0.0031308f ? value * 12.92f : curve);
+    const float4 second = sqrt(value), fourth = sqrt(second), eighth = sqrt(fourth);
+    return 0.64236529f * second + 0.71211087f * fourth - 0.33687011f * eighth
+         - 0.01756299f * value;
+}
+
+static inline uchar to_srgb(const float value, const float by_roots)
+{
+    return to_byte(value <= 0.0031308f ? value * 12.92f : by_roots);
 }
 
 /* pixel: four bytes, sRGB and opacity, not multiplied into them. */
@@ -37,10 +41,10 @@ static inline void store_pixel(__global uchar *pixel, const float4 sum)
         pixel[0] = pixel[1] = pixel[2] = pixel[3] = 0;
         return;
     }
-    const float share = 1.0f / sum.w;
-    pixel[0] = to_srgb(sum.x * share);
-    pixel[1] = to_srgb(sum.y * share);
-    pixel[2] = to_srgb(sum.z * share);
+    const float4 value = clamp(sum * (1.0f / sum.w), 0.0f, 1.0f), curve = srgb_by_roots(value);
+    pixel[0] = to_srgb(value.x, curve.x);
+    pixel[1] = to_srgb(value.y, curve.y);
+    pixel[2] = to_srgb(value.z, curve.z);
     pixel[3] = to_byte(sum.w);
 }
 

@@ -64,7 +64,6 @@
         hits[4 * id + 2] = z; \
         hits[4 * id + 3] = (cut && since == begin && along == begun ? cut : along) | KIND(kind); \
         far[id] = (float)since / whole; \
-        end = LONG_MIN; \
     } while (0)
 
 /* The cell in which the ray is, along one axis of the grid. */
@@ -74,15 +73,22 @@
 #define INDEX ((PLACE_IN_GRID(z) * cells.y + PLACE_IN_GRID(y)) * cells.x + PLACE_IN_GRID(x))
 #define GO(axis) index += go_cell_##axis
 #else
-#define GO(axis)
+#define GO(axis) cell_##axis += 1
 #endif
+
+/* How many voxels of a brick are behind a place are three numbers above its bit, each so high that
+ * one more bit is set, one of LEFT, past the last voxel.  SPARE takes what the bit may borrow. */
+#define HALF 256L
+#define PASSED(axis) (1L << (34 + 9 * (axis)))
+#define LEFT (HALF * (PASSED(0) | PASSED(1) | PASSED(2)))
+#define SPARE (2L << 32)
 
 /* The place of a bit in its brick. */
 #define BIT_X(bit) place_in(bit, BRICK_X)
 #define BIT_Y(bit) place_in((bit) / BRICK_X, BRICK_Y)
 #define BIT_Z(bit) ((bit) / (BRICK_X * BRICK_Y))
 
-#if TILE
+#if TILE && !STATES
 
 /* The moment at which everything within `free` blocks of the block `near` is left along an axis,
  * or the grid, of `columns` cells of `side` voxels, `block` to a block. */
@@ -193,6 +199,8 @@ __kernel void march(
 #endif
     const long begin = t;
     const int begun = axis;
+    /* A moment along an axis is before the end if it is below these. */
+    const long end_x = end + (0 < last), end_y = end + (1 < last), end_z = end;
 
     int cell_x = cells_passed(&x, x.zero, SIDE_X, x.standing, t, axis, 0);
     int cell_y = cells_passed(&y, y.zero, SIDE_Y, y.standing, t, axis, 1);
@@ -201,6 +209,20 @@ __kernel void march(
     long cell_out_y = moment_out(&y, y.zero, SIDE_Y, cell_y);
     long cell_out_z = moment_out(&z, z.zero, SIDE_Z, cell_z);
     const long apart_x = x.step * SIDE_X, apart_y = y.step * SIDE_Y, apart_z = z.step * SIDE_Z;
+#if LEVELS > 1
+    /* The bit of a voxel in its brick, and how many of the brick are behind it, move with it. */
+    const long go_x = PASSED(0) + (x.turned ? -1 : 1);
+    const long go_y = PASSED(1) + (y.turned ? -BRICK_X : BRICK_X);
+    const long go_z = PASSED(2) + (z.turned ? -BRICK_X * BRICK_Y : BRICK_X * BRICK_Y);
+    /* Where in their bricks rays are that stand still along an axis. */
+    const int still_x = place_in(x.standing, SIDE_X), still_y = place_in(y.standing, SIDE_Y);
+    const int still_z = place_in(z.standing, SIDE_Z);
+    /* What both are for the first voxel that a ray may meet in a brick. */
+    const long corner =
+        ((z.turned ? SIDE_Z - 1 : 0) * BRICK_Y + (y.turned ? SIDE_Y - 1 : 0)) * BRICK_X
+        + (x.turned ? SIDE_X - 1 : 0) + SPARE + (HALF - SIDE_X) * PASSED(0)
+        + (HALF - SIDE_Y) * PASSED(1) + (HALF - SIDE_Z) * PASSED(2);
+#endif
 #if STATES
     const int go_cell_x = x.turned ? -1 : 1, go_cell_y = y.turned ? -cells.x : cells.x;
     const int go_cell_z = z.turned ? -cells.x * cells.y : cells.x * cells.y;
@@ -208,161 +230,183 @@ __kernel void march(
 #elif TILE
     int idle = 0;
 #endif
-    while (is_before(t, axis, end, last)) {
-        const int way = first_axis(cell_out_x, cell_out_y, cell_out_z);
-        const long out = one_of(way, cell_out_x, cell_out_y, cell_out_z);
+    bool going = is_before(t, axis, end, last);
+    while (going) {
 #if STATES
         const uint state = states[index];
-        const bool uniform = state >= UNIFORM;
-        const int free = uniform ? (int)(state & FREE) : 0;
-        const bool within_cell = uniform && (state & INSIDE_STATE) != 0;
+        /* An empty cell with something near it: most are. */
+        const bool passed = state - (UNIFORM + 1) < WORTH - 1;
 #else
-        const int at_x = PLACE_IN_GRID(x), at_y = PLACE_IN_GRID(y), at_z = PLACE_IN_GRID(z);
-#if LEVELS == 1
-        const ulong word = ((ulong)at_z * cells.y + at_y) * ((cells.x + 31) / 32) + at_x / 32;
-        const bool uniform = !IS_TAKEN(word, at_x % 32), within_cell = false;
-#else
-        const ulong state = cell_state(MODEL_ARGUMENTS, at_x, at_y, at_z);
-        const bool uniform = state >= CELL_OUTSIDE, within_cell = state == CELL_INSIDE;
+        const bool passed = false;
 #endif
-#endif
-#if LENGTHS
-        const bool entered = !uniform;
-#else
-        const bool entered = !uniform || within_cell;
-#endif
-        if (entered) {
+        if (!passed) {
 #if STATES
+            const bool uniform = state >= UNIFORM;
+            const int free = uniform ? (int)(state & FREE) : 0;
+            const bool within_cell = uniform && (state & INSIDE_STATE) != 0;
+#else
             const int at_x = PLACE_IN_GRID(x), at_y = PLACE_IN_GRID(y), at_z = PLACE_IN_GRID(z);
+#if LEVELS == 1
+            const ulong word = ((ulong)at_z * cells.y + at_y) * ((cells.x + 31) / 32) + at_x / 32;
+            const bool uniform = !IS_TAKEN(word, at_x % 32), within_cell = false;
+#else
+            const ulong state = cell_state(MODEL_ARGUMENTS, at_x, at_y, at_z);
+            const bool uniform = state >= CELL_OUTSIDE, within_cell = state == CELL_INSIDE;
 #endif
+#endif
+#if LENGTHS
+            const bool entered = !uniform;
+#else
+            const bool entered = !uniform || within_cell;
+#endif
+            if (entered) {
 #if LEVELS == 1
 #if LENGTHS
-            within += min(out, end) - t;
+                within += min(min(cell_out_x, min(cell_out_y, cell_out_z)), end) - t;
 #else
-            MEET(at_x, at_y, at_z, t, axis, KIND_OF(word, at_x % 32));
-            break;
-#endif
-#else
-            const long since_x = x.zero + (long)cell_x * SIDE_X * x.step;
-            const long since_y = y.zero + (long)cell_y * SIDE_Y * y.step;
-            const long since_z = z.zero + (long)cell_z * SIDE_Z * z.step;
-            const int voxel_x = cells_passed(
-                &x, since_x, 1, x.standing - cell_x * SIDE_X, t, axis, 0);
-            const int voxel_y = cells_passed(
-                &y, since_y, 1, y.standing - cell_y * SIDE_Y, t, axis, 1);
-            const int voxel_z = cells_passed(
-                &z, since_z, 1, z.standing - cell_z * SIDE_Z, t, axis, 2);
-            /* The bit of the voxel in its brick moves along with it. */
-            const int go_x = x.turned ? -1 : 1, go_y = y.turned ? -BRICK_X : BRICK_X;
-            const int go_z = z.turned ? -BRICK_X * BRICK_Y : BRICK_X * BRICK_Y;
-            int bit = ((z.turned ? SIDE_Z - 1 - voxel_z : voxel_z) * BRICK_Y
-                       + (y.turned ? SIDE_Y - 1 - voxel_y : voxel_y)) * BRICK_X
-                    + (x.turned ? SIDE_X - 1 - voxel_x : voxel_x);
-#if !LENGTHS
-            if (within_cell) {
-                MEET(at_x * SIDE_X + BIT_X(bit), at_y * SIDE_Y + BIT_Y(bit),
-                     at_z * SIDE_Z + BIT_Z(bit), t, axis, INSIDE_CELL);
+                MEET(at_x, at_y, at_z, t, axis, KIND_OF(word, at_x % 32));
                 break;
-            }
 #endif
-            const ulong base = (ulong)state * BRICK_WORDS;
-            long out_x = moment_out(&x, since_x, 1, voxel_x);
-            long out_y = moment_out(&y, since_y, 1, voxel_y);
-            long out_z = moment_out(&z, since_z, 1, voxel_z);
-            /* The walk ends where it leaves the brick, or at the end of it all. */
-            const bool leaves = is_before(out, way, end, last);
-            const long stop = leaves ? out : end;
-            const int stop_axis = leaves ? way : last;
-            long now = t;
-            int along = axis;
-            while (is_before(now, along, stop, stop_axis)) {
-                const ulong word = base + bit / 32;
-                const bool taken = IS_TAKEN(word, bit % 32);
-#if !LENGTHS
-                if (taken) {
-                    MEET(at_x * SIDE_X + BIT_X(bit), at_y * SIDE_Y + BIT_Y(bit),
-                         at_z * SIDE_Z + BIT_Z(bit), now, along, KIND_OF(word, bit % 32));
+#else
+                const long since_x = cell_out_x - apart_x, since_y = cell_out_y - apart_y;
+                const long since_z = cell_out_z - apart_z;
+                const int voxel_x = cells_passed(&x, since_x, 1, still_x, t, axis, 0);
+                const int voxel_y = cells_passed(&y, since_y, 1, still_y, t, axis, 1);
+                const int voxel_z = cells_passed(&z, since_z, 1, still_z, t, axis, 2);
+                const ulong base = (ulong)state * BRICK_WORDS;
+                long out_x = moment_out(&x, since_x, 1, voxel_x);
+                long out_y = moment_out(&y, since_y, 1, voxel_y);
+                long out_z = moment_out(&z, since_z, 1, voxel_z);
+                long place = corner + voxel_x * go_x + voxel_y * go_y + voxel_z * go_z;
+#if LENGTHS
+                /* Lengths are added where they begin and end. */
+                bool inside_it = false;
+                long now = t;
+                while (!(place & LEFT)) {
+                    if (IS_TAKEN(base + (uint)place / 32, (uint)place % 32) != inside_it) {
+                        within += inside_it ? min(now, end) : -min(now, end);
+                        inside_it = !inside_it;
+                    }
+                    if (out_x <= out_y && out_x <= out_z) {
+                        now = out_x;
+                        out_x += x.step;
+                        place += go_x;
+                    } else if (out_y <= out_z) {
+                        now = out_y;
+                        out_y += y.step;
+                        place += go_y;
+                    } else {
+                        now = out_z;
+                        out_z += z.step;
+                        place += go_z;
+                    }
+                }
+                if (inside_it) within += min(now, end);
+#else
+                long before = place;
+                while (!(place & LEFT)) {
+                    if (within_cell || IS_TAKEN(base + (uint)place / 32, (uint)place % 32)) break;
+                    before = place;
+                    if (out_x <= out_y && out_x <= out_z) {
+                        out_x += x.step;
+                        place += go_x;
+                    } else if (out_y <= out_z) {
+                        out_y += y.step;
+                        place += go_y;
+                    } else {
+                        out_z += z.step;
+                        place += go_z;
+                    }
+                }
+                if (!(place & LEFT)) {
+                    /* The last step tells when, and along which axis, the voxel is entered. */
+                    const long step = place - before;
+                    const int stepped = step == go_x ? 0 : (step == go_y ? 1 : 2);
+                    const int along = step == 0 ? axis : stepped;
+                    const long moment =
+                        one_of(stepped, out_x - x.step, out_y - y.step, out_z - z.step);
+                    const long now = step == 0 ? t : moment;
+                    const uint bit = (uint)place;
+#if STATES
+                    ulong number = index;
+                    const int at_x = take_place(&number, cells.x);
+                    const int at_y = take_place(&number, cells.y), at_z = (int)number;
+#endif
+                    if (is_before(now, along, end, last))
+                        MEET(at_x * SIDE_X + BIT_X(bit), at_y * SIDE_Y + BIT_Y(bit),
+                             at_z * SIDE_Z + BIT_Z(bit), now, along,
+                             within_cell ? INSIDE_CELL : KIND_OF(base + bit / 32, bit % 32));
                     break;
                 }
 #endif
-#if LENGTHS
-                const long before = now;
-#endif
-                if (out_x <= out_y && out_x <= out_z) {
-                    now = out_x;
-                    along = 0;
-                    bit += go_x;
-                    out_x += x.step;
-                } else if (out_y <= out_z) {
-                    now = out_y;
-                    along = 1;
-                    bit += go_y;
-                    out_y += y.step;
-                } else {
-                    now = out_z;
-                    along = 2;
-                    bit += go_z;
-                    out_z += z.step;
-                }
-#if LENGTHS
-                if (taken) within += min(now, stop) - before;
 #endif
             }
-#endif
-        }
 #if STATES
-        if (free >= WORTH) {
+            if (free >= WORTH) {
+                /* As far as all cells within `free` of this one reach, but for the last of them. */
+                const long then_x = cell_out_x + (free - 1) * apart_x;
+                const long then_y = cell_out_y + (free - 1) * apart_y;
+                const long then_z = cell_out_z + (free - 1) * apart_z;
+                const long since = t;
+                axis = first_axis(then_x, then_y, then_z);
+                t = one_of(axis, then_x, then_y, then_z);
+#if LENGTHS
+                within += within_cell ? min(t, end) - since : 0;
+#endif
+                const int by_x = cells_passed(&x, cell_out_x - apart_x, SIDE_X, 0, t, axis, 0);
+                const int by_y = cells_passed(&y, cell_out_y - apart_y, SIDE_Y, 0, t, axis, 1);
+                const int by_z = cells_passed(&z, cell_out_z - apart_z, SIDE_Z, 0, t, axis, 2);
+                cell_out_x += by_x * apart_x;
+                cell_out_y += by_y * apart_y;
+                cell_out_z += by_z * apart_z;
+                index += by_x * go_cell_x + by_y * go_cell_y + by_z * go_cell_z;
+                going = is_before(t, axis, end, last);
+                continue;
+            }
 #elif TILE
-        /* Rays that have met nothing for a while may be far from everything. */
-        idle = uniform && !within_cell ? idle + 1 : 0;
-        int free = 0;
-        if (idle >= IDLE) {
-            idle = 0;
-            const int near_x = at_x / BLOCK_X, near_y = at_y / BLOCK_Y, near_z = at_z / BLOCK_Z;
-            free = distances[((ulong)near_z * blocks.y + near_y) * blocks.x + near_x];
-        }
-        if (free >= WORTH) {
-#endif
-#if TILE
-#if STATES
-            const int at_x = PLACE_IN_GRID(x), at_y = PLACE_IN_GRID(y), at_z = PLACE_IN_GRID(z);
-#endif
-            const long then_x = moment_beyond(&x, at_x / BLOCK_X, free, BLOCK_X, columns.x, SIDE_X);
-            const long then_y = moment_beyond(&y, at_y / BLOCK_Y, free, BLOCK_Y, columns.y, SIDE_Y);
-            const long then_z = moment_beyond(&z, at_z / BLOCK_Z, free, BLOCK_Z, columns.z, SIDE_Z);
-            const long since = t;
-            axis = first_axis(then_x, then_y, then_z);
-            t = one_of(axis, then_x, then_y, then_z);
-#if LENGTHS
-            if (within_cell) within += min(t, end) - since;
-#endif
-            cell_x = cells_passed(&x, x.zero, SIDE_X, x.standing, t, axis, 0);
-            cell_y = cells_passed(&y, y.zero, SIDE_Y, y.standing, t, axis, 1);
-            cell_z = cells_passed(&z, z.zero, SIDE_Z, z.standing, t, axis, 2);
-            cell_out_x = moment_out(&x, x.zero, SIDE_X, cell_x);
-            cell_out_y = moment_out(&y, y.zero, SIDE_Y, cell_y);
-            cell_out_z = moment_out(&z, z.zero, SIDE_Z, cell_z);
-#if STATES
-            index = INDEX;
-#endif
-            continue;
-        }
+            /* Rays that have met nothing for a while may be far from everything. */
+            idle = uniform && !within_cell ? idle + 1 : 0;
+            if (idle >= IDLE) {
+                idle = 0;
+                const int near_x = at_x / BLOCK_X, near_y = at_y / BLOCK_Y, near_z = at_z / BLOCK_Z;
+                const int free = distances[((ulong)near_z * blocks.y + near_y) * blocks.x + near_x];
+                if (free >= WORTH) {
+                    const long then_x = moment_beyond(&x, near_x, free, BLOCK_X, columns.x, SIDE_X);
+                    const long then_y = moment_beyond(&y, near_y, free, BLOCK_Y, columns.y, SIDE_Y);
+                    const long then_z = moment_beyond(&z, near_z, free, BLOCK_Z, columns.z, SIDE_Z);
+                    axis = first_axis(then_x, then_y, then_z);
+                    t = one_of(axis, then_x, then_y, then_z);
+                    cell_x = cells_passed(&x, x.zero, SIDE_X, x.standing, t, axis, 0);
+                    cell_y = cells_passed(&y, y.zero, SIDE_Y, y.standing, t, axis, 1);
+                    cell_z = cells_passed(&z, z.zero, SIDE_Z, z.standing, t, axis, 2);
+                    cell_out_x = moment_out(&x, x.zero, SIDE_X, cell_x);
+                    cell_out_y = moment_out(&y, y.zero, SIDE_Y, cell_y);
+                    cell_out_z = moment_out(&z, z.zero, SIDE_Z, cell_z);
+                    going = is_before(t, axis, end, last);
+                    continue;
+                }
+            }
 #endif
 #if LENGTHS
-        if (within_cell) within += min(out, end) - t;
+            if (within_cell) within += min(min(cell_out_x, min(cell_out_y, cell_out_z)), end) - t;
 #endif
-        t = out;
-        axis = way;
-        if (way == 0) {
-            cell_x += 1;
+        }
+        if (cell_out_x <= cell_out_y && cell_out_x <= cell_out_z) {
+            t = cell_out_x;
+            axis = 0;
+            going = t < end_x;
             cell_out_x += apart_x;
             GO(x);
-        } else if (way == 1) {
-            cell_y += 1;
+        } else if (cell_out_y <= cell_out_z) {
+            t = cell_out_y;
+            axis = 1;
+            going = t < end_y;
             cell_out_y += apart_y;
             GO(y);
         } else {
-            cell_z += 1;
+            t = cell_out_z;
+            axis = 2;
+            going = t < end_z;
             cell_out_z += apart_z;
             GO(z);
         }

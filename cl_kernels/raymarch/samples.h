@@ -20,7 +20,8 @@
 /* Column and row of the ray of one of the samples of pixel `number`. */
 static inline int2 ray_of_sample(const ulong number, const int columns, const int sample)
 {
-    const int row = (int)(number / columns), column = (int)(number - (ulong)row * columns);
+    /* A picture has fewer than 2**32 pixels. */
+    const int row = (int)((uint)number / (uint)columns), column = (int)number - row * columns;
     const int below = sample / SAMPLES;
     return (int2)(column * SAMPLES + sample - below * SAMPLES, row * SAMPLES + below);
 }

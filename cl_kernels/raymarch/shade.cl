@@ -59,10 +59,10 @@ static inline float4 unit(const float4 v)
     return v * (square > 0.0f ? 1.0f / sqrt(square) : 0.0f);
 }
 
-/* A place along one axis, in voxels from the lower face of voxel `at`. */
-static inline float place_in_voxel(const int bits, const long place, const int at)
+/* A place along one axis, in steps of rays from the lower face of voxel `at`. */
+static inline float place_from(const int bits, const long place, const int at)
 {
-    return (float)(place - (long)at * (1L << bits)) / (float)(1L << bits);
+    return (float)(place - ((long)at << bits));
 }
 
 #if SKY
@@ -101,6 +101,19 @@ static inline float sky_at(
 
 #if STORED
 
+/* As rank_of() in common/bricks.h, without a loop whose end nobody foresees. */
+static inline uint touched_before(
+    const __global uint *touched, const __global uint *ranks, const ulong word, const uint bit)
+{
+    uint count = ranks[word / RANK_WORDS] + popcount(touched[word] & ((1u << bit) - 1u));
+    const ulong first = word & ~(ulong)(RANK_WORDS - 1);
+    for (int i = 0; i < RANK_WORDS - 1; ++i) {
+        const bool before = first + i < word;
+        count += before ? popcount(touched[before ? first + i : word]) : 0;
+    }
+    return count;
+}
+
 /* The packed normal of a voxel, or NO_NORMAL. */
 static inline uint normal_of(
     const int4 shape, MODEL_PARAMETERS, const __global uint *touched, const __global uint *ranks,
@@ -119,7 +132,7 @@ static inline uint normal_of(
     const uint bit = at % 32;
 #endif
     if (!(touched[word] >> bit & 1)) return NO_NORMAL;
-    return normals[rank_of(touched, ranks, word, bit)];
+    return normals[touched_before(touched, ranks, word, bit)];
 }
 
 /* The normals of the eight voxels whose middles are around the place `at` from the middle of
@@ -154,11 +167,25 @@ static inline float4 normal_at(
 
 #endif
 
+/* A number above 0 to the power of another, to some 1e-4 of itself; at least 2**-120.
+ * A mantissa's logarithm is a series of (m - 1) / (m + 1), m being within a root of 2 of 1. */
+static inline float power(const float base, const float exponent)
+{
+    const int bits = as_int(base), whole = (bits - 0x3f3504f3) >> 23;
+    const float mantissa = as_float(bits - whole * (1 << 23));
+    const float part = (mantissa - 1.0f) / (mantissa + 1.0f), square = part * part;
+    const float log = whole + part * (2.88539008f + square * (0.96179669f + square * 0.57707802f));
+    const float product = fmax(log * exponent, -120.0f), rest = product - floor(product);
+    const float scaled = 1.0000026f
+        + rest * (0.6930096f + rest * (0.2415183f + rest * (0.0520107f + rest * 0.0134606f)));
+    return as_float(as_int(scaled) + (int)floor(product) * (1 << 23));
+}
+
 /* Light that comes from a place: Phong's law, from a sky that is brighter above, a key light from
  * the upper left and a fill light from the right; `view` points to the eye. */
 static inline float4 light_of(
-    const float4 normal, const float sky, const float4 view, const float4 right, const float4 up,
-    const float4 back, const float4 phong, const float emission, const float4 colour)
+    const float4 normal, const float sky, const float4 view, const float4 key, const float4 fill,
+    const float4 up, const float4 phong, const float emission, const float4 colour)
 {
     const float open = 0.4f + 0.6f * sky;
     const float above = 0.5f + 0.5f * dot(normal, up);
@@ -167,8 +194,7 @@ static inline float4 light_of(
     float4 diffuse = ambient * (phong.x * sky);
     float shine = 0.0f;
     for (int light = 0; light < LIGHTS; ++light) {
-        const float4 towards = light == 0 ? unit(up * 0.8f - right * 0.55f + back * 0.75f)
-                                          : unit(right * 0.9f + back * 0.5f - up * 0.1f);
+        const float4 towards = light == 0 ? key : fill;
         const float strength = light == 0 ? 1.0f : 0.22f;
         const float facing = dot(normal, towards);
         if (facing <= 0.0f) continue;
@@ -177,7 +203,7 @@ static inline float4 light_of(
         const float glance = dot(view, mirrored);
         /* Elsewhere it is below a thousandth. */
         if (phong.w * (1.0f - glance) < 7.0f && glance > 0.0f)
-            shine += strength * powr(glance, phong.w);
+            shine += strength * power(glance, phong.w);
     }
     const float aside = 1.0f - clamp(dot(normal, view), 0.0f, 1.0f), square = aside * aside;
     const float white = (phong.z * shine + 0.05f * square * square) * sky;
@@ -231,7 +257,8 @@ static inline ulong linked_cell(
 
 /* One work-item colours one pixel, the mean of SAMPLES x SAMPLES rays.
  * widths: of a voxel;
- * right_of, up_of, back_of: unit vectors of the view; cut_normal: of the plane that cuts; shape:
+ * key_light, fill_light: where light comes from; up_of, back_of: unit vectors of the view, as they
+ * are, too; cut_normal: of the plane that cuts; shape:
  * voxels of the grid.
  * phong: ambient, diffuse, specular, shininess; emission.  background: linear, and its
  * opacity.  pixel, spread: width of a sample where rays begin, and for each unit farther on.
@@ -243,7 +270,7 @@ static inline ulong linked_cell(
  * pixels: (picture.y, picture.x, 4) uint8. */
 __kernel void shade(
     PIXEL_PARAMETERS, const int4 shape,
-    RAY_PARAMETERS, const float4 widths, const float4 right_of,
+    RAY_PARAMETERS, const float4 widths, const float4 key_light, const float4 fill_light,
     const float4 up_of, const float4 back_of, const float4 cut_normal, const float4 phong,
     const float emission,
     const float4 background, const float pixel, const float spread, const float flip,
@@ -261,6 +288,8 @@ __kernel void shade(
     const ulong number = NUMBER_OF_PIXEL(id);
     const float4 widths4 = (float4)(widths.x, widths.y, widths.z, 1.0f);
     const float4 inverse = (float4)(1.0f) / widths4;
+    /* In voxels: a power of two, so that this is what a division by its inverse would be. */
+    const float one_step = 1.0f / (float)(1L << bits);
     float4 sum = (float4)(0.0f);
     for (int sample = 0; sample < SAMPLES * SAMPLES; ++sample) {
         const int2 place_of_ray = ray_of_sample(number, picture.x, sample);
@@ -275,15 +304,17 @@ __kernel void shade(
         const bool cut = (met & CUT) != 0;
         const float4 ahead = vec((float)DIRECTION_OF(x, u, v), (float)DIRECTION_OF(y, u, v),
                                  (float)DIRECTION_OF(z, u, v));
-        const float steps = far[ray] / (float)(1L << bits);
+        const float steps = far[ray] * one_step;
         const float4 within = clamp(
-            vec(place_in_voxel(bits, PLACE_OF(x, u, v), voxel.x),
-                place_in_voxel(bits, PLACE_OF(y, u, v), voxel.y),
-                place_in_voxel(bits, PLACE_OF(z, u, v), voxel.z)) + ahead * steps, 0.0f, 1.0f);
+            vec(place_from(bits, PLACE_OF(x, u, v), voxel.x),
+                place_from(bits, PLACE_OF(y, u, v), voxel.y),
+                place_from(bits, PLACE_OF(z, u, v), voxel.z)) * one_step + ahead * steps,
+            0.0f, 1.0f);
         const float4 at = vec(within.x - 0.5f, within.y - 0.5f, within.z - 0.5f);
         const float4 run = ahead * widths;
-        const float4 view = unit(vec(-run.x, -run.y, -run.z));
-        const float wide = pixel + spread * steps * length(run) * fmax(dot(view, back_of), 0.0f);
+        const float span = sqrt(dot(run, run));
+        const float4 view = run * (-1.0f / span);
+        const float wide = pixel + spread * steps * span * fmax(dot(view, back_of), 0.0f);
         const float4 face = vec(axis == 0 ? -sign(ahead.x) : 0.0f,
                                 axis == 1 ? -sign(ahead.y) : 0.0f,
                                 axis == 2 ? -sign(ahead.z) : 0.0f);
@@ -349,7 +380,7 @@ __kernel void shade(
             place, normal, (float4)(wide / sides.x, wide / sides.y, wide / sides.z, 1.0f));
 #endif
         const float4 light = light_of(
-            normal, open, view, right_of, up_of, back_of, phong, emission, colour);
+            normal, open, view, key_light, fill_light, up_of, phong, emission, colour);
         sum += over(background, light, 1.0f);
     }
     store_pixel(pixels + 4 * number, sum * (1.0f / (SAMPLES * SAMPLES)));

@@ -22,6 +22,11 @@ static inline float beyond(const float at, const int count)
     return fmax(-at, at - (float)count);
 }
 
+static inline float most_of(const float4 parts)
+{
+    return fmax(parts.x, fmax(parts.y, parts.z));
+}
+
 /* One work-item follows one tile.
  * size: rays along a row and a column; blocks: shape of the grid of blocks; per_block: steps along
  * the sides of a block; end: in directions, where all rays are past the grid.
@@ -34,33 +39,26 @@ __kernel void find_starts(
     const ulong id = get_global_id(0);
     if (id >= (ulong)tiles_x * tiles_y) return;
     const int tile_y = (int)(id / tiles_x), tile_x = (int)(id - (ulong)tile_y * tiles_x);
-    float at_x[4], at_y[4], at_z[4], go_x[4], go_y[4], go_z[4];
-    float fastest = 0.0f;
+    /* The middle one of the rays at the corners, and how far the others are from it. */
+    float4 low = (float4)(INFINITY), high = -low, slow = low, fast = high;
     for (int corner = 0; corner < 4; ++corner) {
         const int u = min(tile_x * TILE + (corner & 1) * (TILE - 1), size.x - 1);
         const int v = min(tile_y * TILE + (corner >> 1) * (TILE - 1), size.y - 1);
-        at_x[corner] = (float)PLACE_OF(x, u, v) / per_block.x;
-        at_y[corner] = (float)PLACE_OF(y, u, v) / per_block.y;
-        at_z[corner] = (float)PLACE_OF(z, u, v) / per_block.z;
-        go_x[corner] = (float)DIRECTION_OF(x, u, v) / per_block.x;
-        go_y[corner] = (float)DIRECTION_OF(y, u, v) / per_block.y;
-        go_z[corner] = (float)DIRECTION_OF(z, u, v) / per_block.z;
-        fastest = fmax(fastest, fmax(fabs(go_x[corner]),
-                                     fmax(fabs(go_y[corner]), fabs(go_z[corner]))));
+        const float4 at = (float4)((float)PLACE_OF(x, u, v), (float)PLACE_OF(y, u, v),
+                                   (float)PLACE_OF(z, u, v), 0.0f) / per_block;
+        const float4 go = (float4)((float)DIRECTION_OF(x, u, v), (float)DIRECTION_OF(y, u, v),
+                                   (float)DIRECTION_OF(z, u, v), 0.0f) / per_block;
+        low = fmin(low, at);
+        high = fmax(high, at);
+        slow = fmin(slow, go);
+        fast = fmax(fast, go);
     }
+    const float4 at = 0.5f * (low + high), go = 0.5f * (slow + fast);
+    const float wide = most_of(0.5f * (high - low)), wider = most_of(0.5f * (fast - slow));
+    const float fastest = most_of(fmax(fabs(slow), fabs(fast)));
     float t = 0.0f;
     for (int step = 0; step < STEPS; ++step) {
-        float x = 0.0f, y = 0.0f, z = 0.0f, wide = 0.0f;
-        for (int corner = 0; corner < 4; ++corner) {
-            x += 0.25f * (at_x[corner] + t * go_x[corner]);
-            y += 0.25f * (at_y[corner] + t * go_y[corner]);
-            z += 0.25f * (at_z[corner] + t * go_z[corner]);
-        }
-        for (int corner = 0; corner < 4; ++corner) {
-            wide = fmax(wide, fabs(at_x[corner] + t * go_x[corner] - x));
-            wide = fmax(wide, fabs(at_y[corner] + t * go_y[corner] - y));
-            wide = fmax(wide, fabs(at_z[corner] + t * go_z[corner] - z));
-        }
+        const float x = at.x + t * go.x, y = at.y + t * go.y, z = at.z + t * go.z;
         const float outside = fmax(
             beyond(x, blocks.x), fmax(beyond(y, blocks.y), beyond(z, blocks.z)));
         /* Going to the nearest place within the grid brings nothing that is in it farther away. */
@@ -74,7 +72,7 @@ __kernel void find_starts(
                  fmin(in_z - k, k + 1 - in_z));
         const float safe =
             fmax(outside, distance == 0 ? 0.0f : (float)(distance - 1) + fmax(rest, 0.0f));
-        const float gain = safe - wide - SLACK;
+        const float gain = safe - (wide + t * wider) - SLACK;
         if (gain <= SLACK) break;
         t += gain / fastest;
         if (t > end) break;

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal, TypeAlias, get_args
 
@@ -36,6 +36,9 @@ UNIT = 32767
 
 SUM_BITS, HEAVIEST_BITS, LIGHTEST_BITS = 46, 30, 8
 """Bits of the sum of all normals weighted by area, and of the longest and the shortest of them."""
+
+PART = 1 << 14
+"""Triangles whose normals are worked out at once."""
 
 
 @dataclass(frozen=True)
@@ -119,29 +122,48 @@ def build_attributes(
     touched = number_touched(session, arrays, edge)
     facets = upload_facets(session, lattice.snap(surface.vertices), surface.faces)
     normals = offsets = faces = None
+    vectors, inwards = _area_vectors(surface)
     if {"normals", "area_normals"} & set(names):
-        given = triangle_normals(surface, by_area="area_normals" in names)
+        given = triangle_normals(vectors, by_area="area_normals" in names)
         normals = sum_normals(session, facets, lattice.bits, touched, given)
     if "links" in names:
         offsets, faces = link_faces(session, facets, lattice.bits, touched)
-    a, b, c = (surface.vertices[surface.faces[:, corner]] for corner in range(3))
-    inwards = float(np.einsum("ij,ij->", a - a[:1], np.cross(b - a[:1], c - a[:1]))) < 0
     return Attributes(names, touched, normals, offsets, faces, inwards)
 
 
-def triangle_normals(surface: Surface, *, by_area: bool = False) -> NDArray[np.int32]:
+def _area_vectors(surface: Surface) -> tuple[NDArray[np.float64], bool]:
+    """Return the normal of each triangle, twice as long as it is large, and if they point inwards.
+
+    They do where the mesh holds less than nothing.
+    """
+    vectors, volume = np.empty((len(surface.faces), 3)), 0.0
+    origin = surface.vertices[:1]
+    for part in _parts(len(vectors)):
+        a, b, c = (surface.vertices[surface.faces[part, corner]] for corner in range(3))
+        vectors[part] = np.cross(b - a, c - a)
+        volume += float(np.einsum("ij,ij->", a - origin, vectors[part]))
+    return vectors, volume < 0
+
+
+def _parts(count: int) -> Iterator[slice]:
+    """Triangles, some after the other, whose numbers fit into a processor's cache."""
+    return (slice(first, first + PART) for first in range(0, count, PART))
+
+
+def triangle_normals(vectors: NDArray[np.float64], *, by_area: bool = False) -> NDArray[np.int32]:
     """Return the normal of each triangle as integers; 0, three times, without area.
 
     All of one length, `UNIT`; or, *by_area*, as long as the triangle is large, in proportion, but
-    none so short that its direction would be lost.
+    none so short that its direction would be lost.  vectors: normals, as long as triangles are
+    large.
     """
-    a, b, c = (surface.vertices[surface.faces[:, corner]] for corner in range(3))
-    vectors = np.cross(b - a, c - a)
-    lengths = np.linalg.norm(vectors, axis=1)
-    units = vectors / np.where(lengths > 0, lengths, 1.0)[:, None]
-    if not by_area:
-        return np.rint(units * UNIT).astype(np.int32)
-    most = 2.0 ** min(HEAVIEST_BITS, SUM_BITS - 1 - len(units).bit_length())
-    weights = lengths / max(lengths.max(initial=0.0), np.finfo(np.float64).tiny) * most
-    weighted: NDArray[np.float64] = units * np.maximum(weights, 2.0**LIGHTEST_BITS)[:, None]
-    return np.rint(weighted).astype(np.int32)
+    lengths = np.sqrt(np.einsum("ij,ij->i", vectors, vectors))
+    most = 2.0 ** min(HEAVIEST_BITS, SUM_BITS - 1 - len(vectors).bit_length())
+    scale = most / max(lengths.max(initial=0.0), np.finfo(np.float64).tiny)
+    normals = np.empty(vectors.shape, np.int32)
+    for part in _parts(len(vectors)):
+        length = lengths[part]
+        wanted = np.maximum(length * scale, 2.0**LIGHTEST_BITS) if by_area else float(UNIT)
+        factor = wanted / np.where(length > 0, length, 1.0)
+        normals[part] = np.rint(vectors[part] * factor[:, None])
+    return normals

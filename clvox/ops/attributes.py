@@ -98,6 +98,9 @@ def sum_normals(
     limbs = 1 if largest * len(normals) < 2**31 else 2
     defines = _defines(bits, (1, 1, 1), touched, direct, tile) | {"LIMBS": limbs, "RANK_WORDS": 1}
 
+    if session.device.atomic_loads:
+        defines["ATOMIC_LOADS"] = 1
+
     def rank_words(words: cla.Array) -> cla.Array:
         counts = session.empty(words.size, np.uint32)
         kernel = session.kernel(_SUMS, "count_words", **defines, RUN=1)

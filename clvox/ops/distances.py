@@ -11,8 +11,9 @@ from clvox.device import Session
 from clvox.device.session import Argument
 from clvox.grid import Shape
 from clvox.ops.layout import VoxelArrays, cell_shape, int4
+from clvox.ops.query import Rule
 
-_FILE = "raymarch/distances.cl"
+_FILE, _REFINE = "raymarch/distances.cl", "raymarch/refine.cl"
 
 MOST = 64
 """Distances are at most this."""
@@ -33,17 +34,20 @@ class Distances:
 
     shape: blocks (x, y, z); side: voxels along the sides of one; values: uint8, x fastest.
     states: (cells,) uint32 of `raymarch/states.h`, if blocks are cells of voxels.
+    crumbs: (bricks,) uint64 of `raymarch/refine.cl`, if there are bricks.
     """
 
     shape: Shape
     side: Shape
     values: cla.Array
     states: cla.Array | None = None
+    crumbs: cla.Array | None = None
 
     @property
     def nbytes(self) -> int:
         """Bytes on the device."""
-        return int(self.values.nbytes + (0 if self.states is None else self.states.nbytes))
+        parts = self.values, self.states, self.crumbs
+        return int(sum(part.nbytes for part in parts if part is not None))
 
 
 def measure_distances(
@@ -76,7 +80,7 @@ def measure_distances(
     x, y, z = (side * np.prod([(1, 1, 1), *arrays.levels[1:]], axis=0)).tolist()
     sides = x, y, z
     if cells is None or arrays.inside is None or cells.finer is not None or side > 1:
-        return Distances(shape, sides, values)
+        return Distances(shape, sides, values, None, take_crumbs(session, arrays, edge))
     inner = session.empty(count, np.uint8)
     kernel = session.kernel(_FILE, "fill", **defines)
     session.run(kernel, count, int4(shape), arrays.inside, inner)
@@ -85,7 +89,27 @@ def measure_distances(
     kernel = session.kernel(_FILE, "merge", **defines)
     tree = int4(shape), cells.boundary, cells.rank
     session.run(kernel, count, *tree, values, inner, states)
-    return Distances(shape, sides, values, states)
+    return Distances(shape, sides, values, states, take_crumbs(session, arrays, edge))
+
+
+def take_crumbs(
+    session: Session, arrays: VoxelArrays, edge: cla.Array | None = None
+) -> cla.Array | None:
+    """Return where in each brick voxels are inside or touched, (bricks,) uint64; None without.
+
+    A bit for each of 4 x 4 x 4 parts, x fastest.
+    """
+    if arrays.cells is None:
+        return None
+    count = arrays.cells.last.count
+    crumbs = session.empty(count, np.uint64)
+    rule = Rule.CENTRE if edge is None else Rule.TOUCH
+    kernel = session.kernel(
+        _REFINE, "crumble", TILE=1, WIDE_TILE=2, STATES=0, RULE=rule, **arrays.defines
+    )
+    marks = arrays.voxels if edge is None else edge
+    session.run(kernel, count, np.uint32(count), arrays.voxels, marks, crumbs, steps=64)
+    return crumbs
 
 
 def _spread(session: Session, shape: Shape, given: cla.Array, defines: dict[str, int]) -> cla.Array:

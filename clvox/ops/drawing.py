@@ -10,9 +10,10 @@ import pyopencl.array as cla
 
 from clvox.camera import View
 from clvox.device import Session
+from clvox.ops.beams import Beams, find_beams
 from clvox.ops.distances import Distances, measure_distances
 from clvox.ops.layout import VoxelArrays
-from clvox.ops.raymarch import Beams, Pixels, Scene, find_beams, march, measure_lengths
+from clvox.ops.raymarch import Pixels, Scene, march, measure_lengths
 from clvox.ops.shading import Coat, Fog, Paint, choose_pixels, shade, shade_volume
 from clvox.ops.sky import Part, Sky, measure_sky
 
@@ -85,8 +86,7 @@ def draw(picture: Picture, look: Paint | Fog, *, occlusion: bool, adaptive: bool
     """
     drawing, view, samples = picture.drawing, picture.view, picture.samples
     session, size = drawing.session, picture.size
-    shape = drawing.arrays.shape
-    beams = find_beams(session, drawing.distances, shape, view.rays, size, samples)
+    beams = find_beams(session, drawing.distances, drawing.arrays, view.rays, size, samples)
     sky = drawing.sky_of(view) if occlusion and isinstance(look, Paint) else None
     canvas = session.empty((size[1], size[0], 4), np.uint8)
     brush = _Brush(session, picture.scene, look, beams, sky, picture.coat, canvas)

@@ -8,21 +8,16 @@ from typing import NamedTuple
 
 import numpy as np
 import pyopencl.array as cla
-from pyopencl import cltypes
 
-from clvox.camera import PLANE_BITS, TIME_BITS, Rays, View
+from clvox.camera import PLANE_BITS, TIME_BITS, View
 from clvox.device import Session
 from clvox.device.session import Argument
-from clvox.grid import Shape
 from clvox.ops.attributes import Touched
-from clvox.ops.distances import Distances
+from clvox.ops.beams import Beams, long4, ray_arguments
 from clvox.ops.layout import VoxelArrays, float4, int2, int4
 from clvox.ops.query import Rule
 
-_MARCH, _START = "raymarch/march.cl", "raymarch/start.cl"
-
-TILE = 8
-"""Pixels along the side of a tile whose rays go the first part of their way together."""
+_MARCH = "raymarch/march.cl"
 
 
 @dataclass(frozen=True)
@@ -103,17 +98,6 @@ class Pixels:
         return int2(*self.size), np.uint64(self.first), np.uint64(self.count), numbers
 
 
-class Beams(NamedTuple):
-    """How far the rays of each tile meet nothing, and the distances that say so.
-
-    starts: (tiles,) float32, in directions.  tile: pixels along the side of a tile.
-    """
-
-    starts: cla.Array
-    distances: Distances
-    tile: int
-
-
 def march(
     session: Session, scene: Scene, view: View, pixels: Pixels, beams: Beams | None = None
 ) -> Hits:
@@ -172,84 +156,7 @@ def _follow(
         kernel,
         pixels.rays,
         *pixels.arguments(none),
-        *(*box, float4(scene.spacing), *ray_arguments(view.rays), _long4(plane), *known),
+        *(*box, float4(scene.spacing), *ray_arguments(view.rays), long4(plane), *known),
         *(*arrays.arguments(scene.edge), voxels, far),
         steps=sum(arrays.columns) // (4 if beams else 1) + 1,
     )
-
-
-def find_beams(
-    session: Session,
-    distances: Distances,
-    shape: Shape,
-    rays: Rays,
-    size: tuple[int, int],
-    samples: int = 1,
-) -> Beams | None:
-    """Return how far rays go before they may meet something; None if they begin nowhere.
-
-    size: columns and rows of pixels, with `samples` x `samples` rays each.
-    """
-    if not rays.begins:
-        return None
-    fine = size[0] * samples, size[1] * samples
-    starts = find_starts(session, distances, shape, rays, fine, TILE * samples)
-    return Beams(starts, distances, TILE)
-
-
-def find_starts(
-    session: Session,
-    distances: Distances,
-    shape: Shape,
-    rays: Rays,
-    size: tuple[int, int],
-    tile: int = TILE,
-) -> cla.Array:
-    """Return how far the rays of each tile meet nothing, (tiles,) float32, in directions.
-
-    Infinite for a tile whose rays meet nothing at all.  Rays begin somewhere.  tile: rays along
-    its side.
-    """
-    columns, rows = size
-    tiles = -(-columns // tile) * -(-rows // tile)
-    starts = session.empty(tiles, np.float32)
-    kernel = session.kernel(_START, "find_starts", TILE=tile)
-    per_block = np.array(distances.side, np.float64) * 2.0**rays.bits
-    session.run(
-        kernel,
-        tiles,
-        *(int2(columns, rows), int4(distances.shape), float4(per_block)),
-        *(np.float32(_end(shape, rays, size)), *ray_arguments(rays), distances.values, starts),
-    )
-    return starts
-
-
-def _end(shape: Shape, rays: Rays, size: tuple[int, int]) -> float:
-    """In directions, a moment at which all rays are past the grid, or beside it for ever."""
-    columns, rows = size
-    corners = np.array([(u, v) for u in (0, columns) for v in (0, rows)], np.float64)
-    across, along = np.array(rays.turn_right, float), np.array(rays.turn_down, float)
-    ahead = np.array(rays.direction, float) + corners[:, :1] * across + corners[:, 1:] * along
-    middle = ahead.mean(axis=0) / 2.0**rays.turn
-    start = np.array(rays.start, float) + corners.mean(axis=0) @ np.stack(
-        [np.array(rays.right, float), np.array(rays.down, float)]
-    )
-    start = start / 2.0**rays.fraction
-    # Rays of one picture are as far along the view at any moment, and the view is that of the
-    # middle one, up to unequal spacings: twice as far is far enough.
-    reach = np.abs(start).max() + max(shape) * 2.0**rays.bits
-    return float(4 * np.sqrt(3) * reach / np.abs(middle).max())
-
-
-def ray_arguments(rays: Rays) -> tuple[Argument, ...]:
-    """RAY_PARAMETERS of `raymarch/rays.h`."""
-    return (
-        *(np.int32(rays.bits), np.int32(rays.fraction), np.int32(rays.turn)),
-        *(np.int32(rays.begins), np.int64(rays.reach)),
-        *map(_long4, (rays.start, rays.right, rays.down)),
-        *map(_long4, (rays.direction, rays.turn_right, rays.turn_down)),
-    )
-
-
-def _long4(values: tuple[int, ...]) -> np.generic:
-    return np.void((*values, 0)[:4], cltypes.long4)

@@ -10,10 +10,11 @@ import pyopencl.array as cla
 from clvox.camera import View
 from clvox.device import Session
 from clvox.device.session import Argument
+from clvox.ops.beams import ray_arguments
 from clvox.ops.facets import Facets
 from clvox.ops.layout import float4, int2, int4
 from clvox.ops.query import Rule
-from clvox.ops.raymarch import Hits, Pixels, Scene, ray_arguments
+from clvox.ops.raymarch import Hits, Pixels, Scene
 from clvox.ops.sky import MARGIN, Sky
 
 _SHADE, _VOLUME = "raymarch/shade.cl", "raymarch/shade_volume.cl"
@@ -22,7 +23,10 @@ _CHOOSE = "raymarch/choose.cl"
 WINDOW = 3
 """A normal is the slope of the voxels that are at most so many away along each axis."""
 
-LIGHTS = 2
+_KEY, _FILL = np.array([(-0.55, 0.8, 0.75), (0.9, -0.1, 0.5)])
+
+TOWARD_LIGHTS = tuple(toward / np.linalg.norm(toward) for toward in (_KEY, _FILL))
+"""Where light comes from: right, up and back in the picture.  Key and fill."""
 
 
 @dataclass(frozen=True)
@@ -104,7 +108,7 @@ def shade(
         "WINDOW": WINDOW,
         "STORED": int(stored),
         "LINES": int(paint.lines),
-        "LIGHTS": LIGHTS,
+        "LIGHTS": len(TOWARD_LIGHTS),
         "SKY": int(sky is not None),
         "SKY_MARGIN": MARGIN,
         **pixels.defines,
@@ -125,12 +129,13 @@ def shade(
     colours = np.array(paint.colours, np.float32)
     pixel, spread = view.pixel
     facing = view.back if view.cut is None else view.cut.facing
+    lights = [toward @ (view.right, view.up, view.back) for toward in TOWARD_LIGHTS]
     session.run(
         kernel,
         pixels.count,
         *(*pixels.arguments(none), int4(arrays.shape)),
         *(*ray_arguments(view.rays), float4(scene.spacing)),
-        *(float4(view.right), float4(view.up), float4(view.back), float4(facing)),
+        *(*map(float4, lights), float4(view.up), float4(view.back), float4(facing)),
         *(float4(phong), np.float32(paint.emission), float4(paint.background)),
         *(np.float32(pixel), np.float32(spread), np.float32(scene.flip)),
         *(session.upload(colours), *above),
@@ -169,5 +174,6 @@ def choose_pixels(session: Session, canvas: cla.Array, least: int) -> tuple[int,
     listed, numbers = session.zeros(1, np.uint32), session.empty(rows * columns, np.uint32)
     kernel = session.kernel(_CHOOSE, "choose")
     size = int2(columns, rows)
-    session.run(kernel, rows * columns, size, np.uint32(least), canvas, listed, numbers, steps=8)
+    items = rows * -(-columns // 4)
+    session.run(kernel, items, size, np.uint32(least), canvas, listed, numbers, steps=32)
     return int(listed.get()[0]), numbers

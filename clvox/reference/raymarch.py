@@ -186,6 +186,20 @@ def block_distances(occupied: NDArray[np.bool_], most: int) -> NDArray[np.uint8]
     return found
 
 
+def brick_crumbs(voxels: NDArray[np.bool_]) -> int:
+    """Return which of the 4 x 4 x 4 parts of a brick hold part of a voxel that is taken.
+
+    voxels: of the brick, [z, y, x].  The parts are bits, x fastest.
+    """
+    found = 0
+    for place in np.argwhere(voxels):
+        first = place * 4 // voxels.shape
+        last = ((place + 1) * 4 - 1) // voxels.shape
+        for away in np.ndindex(*(last - first + 1)):
+            found |= 1 << int((first + np.array(away)) @ (16, 4, 1))
+    return found
+
+
 def block_shares(
     voxels: NDArray[np.bool_],
     side: Integers,

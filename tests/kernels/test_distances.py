@@ -13,12 +13,13 @@ from clvox.camera import Camera
 from clvox.device import Session
 from clvox.grid import Grid, Shape
 from clvox.ops.attributes import number_touched
-from clvox.ops.distances import MOST, measure_distances
+from clvox.ops.beams import TILE, find_beams, find_starts
+from clvox.ops.distances import MOST, measure_distances, take_crumbs
 from clvox.ops.layout import VoxelArrays
 from clvox.ops.multilevel import rank_cells
-from clvox.ops.raymarch import Pixels, Scene, find_beams, find_starts, march, measure_lengths
+from clvox.ops.raymarch import Pixels, Scene, march, measure_lengths
 from clvox.reference.multilevel import pack_bits
-from clvox.reference.raymarch import block_distances
+from clvox.reference.raymarch import block_distances, brick_crumbs
 from tests.kernels.cases import INTERPRETED
 
 SIZE = 19, 13
@@ -97,6 +98,25 @@ def test_one_word_tells_all_about_a_cell(session: Session) -> None:
     np.testing.assert_array_equal(found.states.get().reshape(5, 7, 9), expected)
 
 
+@pytest.mark.parametrize("brick", [(8, 8, 8), (3, 5, 2), (40, 6, 4), (1, 1, 1)])
+@pytest.mark.parametrize("touched", [False, True])
+def test_crumbs_of_bricks(session: Session, brick: Shape, touched: bool) -> None:
+    """Every part of a brick that a voxel reaches into, inside or touched; no other."""
+    arrays = model(session, 5, (4, 3, 2), brick, 0.4)
+    words = arrays.voxels.get() & np.random.default_rng(5).integers(
+        0, 2**32, arrays.voxels.shape, np.uint32
+    )
+    arrays = replace(arrays, voxels=session.upload(words))
+    x, y, z = brick
+    marks = np.where(np.arange(words.shape[1]) < 1, np.uint32(1), np.uint32(0)) | 0 * words
+    found = take_crumbs(session, arrays, session.upload(marks) if touched else None)
+    assert found is not None
+    taken = (words | marks) if touched else words
+    bits = np.unpackbits(taken.view(np.uint8), axis=-1, bitorder="little")[:, : x * y * z]
+    expected = [brick_crumbs(one.reshape(z, y, x) > 0) for one in bits]
+    np.testing.assert_array_equal(found.get(), np.array(expected, np.uint64))
+
+
 @given(seed=st.integers(0, 2**32 - 1), parallel=st.booleans(), most=st.sampled_from([1 << 20, 60]))
 def test_starts_change_nothing(session: Session, seed: int, parallel: bool, most: int) -> None:
     """Of what is met, and of how long rays are within; from anywhere, and with any spacing."""
@@ -119,7 +139,7 @@ def test_starts_change_nothing(session: Session, seed: int, parallel: bool, most
     view = camera.view(grid, (SIZE[0] * samples, SIZE[1] * samples))
     scene = Scene(arrays, grid.spacing, touched)
     distances = measure_distances(session, arrays, scene.edge, most_blocks=most)
-    beams = find_beams(session, distances, arrays.shape, view.rays, SIZE, samples)
+    beams = find_beams(session, distances, arrays, view.rays, SIZE, samples)
     pictures = [(view, Pixels.whole(SIZE, samples)), (view.middle(samples), Pixels.whole(SIZE))]
     for seen, pixels in pictures:
         hits = [march(session, scene, seen, pixels, known) for known in (None, beams)]
@@ -153,7 +173,7 @@ def test_long_ways_change_nothing(session: Session, most: int) -> None:
         eye = rng.uniform(low - 100, high + 100)
         view = Camera(tuple(eye), tuple(rng.uniform(low, high)), fov=70.0).view(grid, (64, 48))
         pixels = Pixels.whole((64, 48))
-        beams = find_beams(session, distances, arrays.shape, view.rays, (64, 48))
+        beams = find_beams(session, distances, solid, view.rays, (64, 48))
         first, second = (
             march(session, scene, view, pixels, known).voxels.get()[:, :3]
             for known in (None, beams)
@@ -176,3 +196,25 @@ def test_most_rays_skip_much(session: Session) -> None:
     assert starts.shape == (64,)
     assert (starts > 0).all()
     assert np.isinf(starts).any()
+
+
+@pytest.mark.skipif(INTERPRETED, reason="its kernels are looked at by the other tests")
+@pytest.mark.parametrize("most", [1 << 22, 5000])
+def test_small_tiles_go_on(session: Session, most: int) -> None:
+    """No farther than to what the first of their rays meets, and on average most of the way."""
+    arrays = model(session, 9, (32, 32, 32), (8, 8, 8), 0.01)
+    grid, size = Grid((0, 0, 0), 1.0, arrays.shape), (256, 256)
+    view = Camera.around(grid, fov=30.0).view(grid, size)
+    distances = measure_distances(session, arrays, most_blocks=most)
+    wide = find_starts(session, distances, arrays.shape, view.rays, size)
+    beams = find_beams(session, distances, arrays, view.rays, size)
+    assert beams is not None
+    assert beams.tile < TILE
+    far = march(session, Scene(arrays, grid.spacing), view, Pixels.whole(size)).far.get()
+    side = size[0] // beams.tile
+    nearest = far.reshape(side, beams.tile, side, beams.tile).min(axis=(1, 3)).ravel()
+    starts, met = beams.starts.get(), np.isfinite(nearest)
+    assert (starts[met] <= nearest[met]).all()
+    before = np.kron(wide.get().reshape(32, 32), np.ones((2, 2))).ravel()
+    gone = (starts[met] - before[met]) / (nearest[met] - before[met])
+    assert np.median(gone) > 0.3
