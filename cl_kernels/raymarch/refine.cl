@@ -5,7 +5,7 @@
  * steps, each of which lies within a box; the beam goes on while no box holds a taken voxel.  A
  * brick is looked at by its 4 x 4 x 4 crumbs, one bit each, so that a box is a mask or a few.
  *
- * Host:       clvox/ops/beams.py, refine_starts(); clvox/ops/distances.py, take_crumbs()
+ * Host:       clvox/ops/beams.py, refine_starts(), and clvox/ops/distances.py
  * Reference:  clvox/reference/raymarch.py, brick_crumbs(); and first_voxels(), with which starts
  *             must not interfere
  * Tests:      tests/kernels/test_distances.py

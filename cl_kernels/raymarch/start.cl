@@ -4,7 +4,7 @@
  * A beam: the four rays at the corners of a tile stand for all of it.  As long as everything within
  * some distance is empty, the beam goes on; it stays on the safe side of float32's errors.
  *
- * Host:       clvox/ops/raymarch.py, find_starts()
+ * Host:       clvox/ops/beams.py, find_starts()
  * Reference:  clvox/reference/raymarch.py, first_voxels(), with which starts must not interfere
  * Tests:      tests/kernels/test_distances.py
  * Defines:    TILE  rays along the side of a tile
