@@ -23,9 +23,9 @@ static inline void COUNT_COVERED(Sink *sink, const Facet f, const int4 box)
     const EDGE fast_b = FAST_OF(-ca.y, ca.x);
     const EDGE fast_c = FAST_OF(-ab.y, ab.x);
     const int count = FAST_OF(box.z - box.x, box.w - box.y) + 1;
-    __local uint *row = sink->next + (SLOW_OF(box.x, box.y) - sink->slow) * WIDE
+    __local uint *row = sink->next + (SLOW_OF(box.x, box.y) - sink->slow) * TILE_WIDE
                       + (FAST_OF(box.x, box.y) - sink->fast);
-    for (int rows = SLOW_OF(box.z - box.x, box.w - box.y); rows >= 0; --rows, row += WIDE) {
+    for (int rows = SLOW_OF(box.z - box.x, box.w - box.y); rows >= 0; --rows, row += TILE_WIDE) {
         EDGE ea = row_a;
         EDGE eb = row_b;
         EDGE ec = row_c;

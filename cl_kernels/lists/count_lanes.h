@@ -11,7 +11,7 @@ static inline void count_lanes(Sink *sink, const Facet f, const int4 box)
     const uint8 lane = (uint8)(0, 1, 2, 3, 4, 5, 6, 7);
     const int width = FAST_OF(box.z - box.x, box.w - box.y);
     const int height = SLOW_OF(box.z - box.x, box.w - box.y);
-    __local uint *first_row = sink->next + (SLOW_OF(box.x, box.y) - sink->slow) * WIDE
+    __local uint *first_row = sink->next + (SLOW_OF(box.x, box.y) - sink->slow) * TILE_WIDE
                             + (FAST_OF(box.x, box.y) - sink->fast);
     Lanes first = lanes_at(f, wa, wb, wc);
     for (int right = 0; right <= width; right += RAY_LANES) {
@@ -19,7 +19,7 @@ static inline void count_lanes(Sink *sink, const Facet f, const int4 box)
         const uint8 within = (lane + (uint)(right - width - 1)) >> 31;
         Lanes at = first;
         __local uint *row = first_row + right;
-        for (int rows = height; rows >= 0; --rows, row += WIDE) {
+        for (int rows = height; rows >= 0; --rows, row += TILE_WIDE) {
             vstore8(vload8(0, row) + (covered_lanes(at) & within), 0, row);
             step_slow(&at);
         }

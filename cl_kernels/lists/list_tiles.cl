@@ -75,7 +75,7 @@ static inline void put(Sink *sink, __local uint *next, const ulong base, const i
 static inline void cross(Sink *sink, const int u, const int v, const int depth)
 {
     const int row = SLOW_OF(u, v) - sink->slow;
-    put(sink, sink->next + row * WIDE + (FAST_OF(u, v) - sink->fast), sink->bases[row], depth);
+    put(sink, sink->next + row * TILE_WIDE + (FAST_OF(u, v) - sink->fast), sink->bases[row], depth);
 }
 
 #endif
@@ -182,15 +182,15 @@ __kernel void count_tile(
     barrier(CLK_LOCAL_MEM_FENCE);
     if (!live) return;
     const int count = FAST_OF(rays.z, rays.w) - sink.fast + 1;
-    const int tiles = (along - 1) / WIDE + 1;
+    const int tiles = (along - 1) / TILE_WIDE + 1;
     for (int row = get_local_id(0); row <= SLOW_OF(rays.z, rays.w) - sink.slow; row += GROUP) {
         const ulong slow = sink.slow + row;
         __global ulong *counts = offsets + slow * along + sink.fast;
-        __global uint *in_row = rows + slow * tiles + sink.fast / WIDE;
+        __global uint *in_row = rows + slow * tiles + sink.fast / TILE_WIDE;
         uint sum = 0;
         for (int ray = 0; ray < count; ++ray) {
-            ADD_TO(counts[ray], next[row * WIDE + ray]);
-            sum += next[row * WIDE + ray];
+            ADD_TO(counts[ray], next[row * TILE_WIDE + ray]);
+            sum += next[row * TILE_WIDE + ray];
         }
         ADD_TO(*in_row, sum);
     }
@@ -237,7 +237,7 @@ __kernel void write_tile(
     __global uint *found, __global ulong *restrict list, __global uint *restrict lengths)
 {
     __local uint next[RAYS];
-    __local ulong bases[HIGH];
+    __local ulong bases[TILE_HIGH];
     const ulong tile = first + get_global_id(0) / GROUP;
     const bool live = tile < last;
     const int4 rays = tile_window(window, live ? tile : first);
@@ -250,20 +250,20 @@ __kernel void write_tile(
     sink.sides = sides;
     const int count = FAST_OF(rays.z, rays.w) - sink.fast + 1;
     const int height = SLOW_OF(rays.z, rays.w) - sink.slow + 1;
-    const int tiles = (along - 1) / WIDE + 1;
+    const int tiles = (along - 1) / TILE_WIDE + 1;
     for (int row = get_local_id(0); live && row < height; row += GROUP) {
         const ulong slow = sink.slow + row;
         __global ulong *begins = offsets + slow * along + sink.fast;
-        const ulong base = row_starts[slow * tiles + sink.fast / WIDE];
+        const ulong base = row_starts[slow * tiles + sink.fast / TILE_WIDE];
         uint place = 0;
         for (int ray = 0; (part & FIRST) && ray < count; ++ray) {
             const uint length = (uint)begins[ray];
             begins[ray] = base + place;
-            next[row * WIDE + ray] = place;
+            next[row * TILE_WIDE + ray] = place;
             place += length;
         }
         for (int ray = 0; !(part & FIRST) && ray < count; ++ray)
-            next[row * WIDE + ray] = (uint)(begins[ray] - base);
+            next[row * TILE_WIDE + ray] = (uint)(begins[ray] - base);
         bases[row] = base;
     }
     if (tile == 0 && get_local_id(0) == 0) offsets[all_rays] = total;
@@ -273,9 +273,9 @@ __kernel void write_tile(
             &sink, rays, faces, vertices, NUMBERS triangles, starts[tile], starts[tile + 1]);
     barrier(CLK_LOCAL_MEM_FENCE | CLK_GLOBAL_MEM_FENCE);
     if (!live) return;
-    for (int ray = get_local_id(0); ray < height * WIDE; ray += GROUP) {
-        const int row = ray / WIDE;
-        const int at = ray - row * WIDE;
+    for (int ray = get_local_id(0); ray < height * TILE_WIDE; ray += GROUP) {
+        const int row = ray / TILE_WIDE;
+        const int at = ray - row * TILE_WIDE;
         if (at >= count) continue;
         __global ulong *begins = offsets + (ulong)(sink.slow + row) * along + sink.fast;
         if (!(part & LAST)) {

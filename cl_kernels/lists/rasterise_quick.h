@@ -73,14 +73,14 @@ static inline void rasterise_quick(Sink *sink, const Facet f, const int4 box)
                 covered |= (bits_of(covered_lanes(at)) & within) << (RAY_LANES * row);
                 step_slow(&at);
             }
-            __local uint *next = sink->next + (first_row + down) * WIDE + (first_ray + right);
+            __local uint *next = sink->next + (first_row + down) * TILE_WIDE + (first_ray + right);
             const __local ulong *bases = sink->bases + (first_row + down);
             while (covered != 0) {
                 const uint bit = 63 - (uint)clz(covered);
                 covered ^= 1UL << bit;
                 const uint row = bit / RAY_LANES, ray = bit % RAY_LANES;
                 const ulong n = block_n + row * slow_n + ray * fast_n;
-                put(sink, next + row * WIDE + ray, bases[row],
+                put(sink, next + row * TILE_WIDE + ray, bases[row],
                     (int)(base + quotient_up(divisor, n, tie)));
             }
             block_n += RAY_LANES * slow_n;

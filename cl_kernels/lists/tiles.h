@@ -18,14 +18,14 @@
 #endif
 
 /* A tile's rays along fast, along slow, and all. */
-#define WIDE FAST_OF(SIDE_U, SIDE_V)
-#define HIGH SLOW_OF(SIDE_U, SIDE_V)
-#define RAYS (WIDE * HIGH)
+#define TILE_WIDE FAST_OF(SIDE_U, SIDE_V)
+#define TILE_HIGH SLOW_OF(SIDE_U, SIDE_V)
+#define RAYS (TILE_WIDE * TILE_HIGH)
 
 /* How many tiles a window (first u, first v, last u, last v) has along fast. */
 static inline uint tiles_along(const int4 window)
 {
-    return (uint)(FAST_OF(window.z - window.x, window.w - window.y) / WIDE + 1);
+    return (uint)(FAST_OF(window.z - window.x, window.w - window.y) / TILE_WIDE + 1);
 }
 
 /* Number of a tile. */
@@ -38,8 +38,8 @@ static inline uint tile_number(const int4 window, const int u, const int v)
 static inline int4 tile_window(const int4 window, const ulong tile)
 {
     ulong number = tile;
-    const int fast = take_place(&number, tiles_along(window)) * WIDE;
-    const int slow = (int)number * HIGH;
+    const int fast = take_place(&number, tiles_along(window)) * TILE_WIDE;
+    const int slow = (int)number * TILE_HIGH;
     /* The macros are their own inverse. */
     const int u = window.x + FAST_OF(fast, slow);
     const int v = window.y + SLOW_OF(fast, slow);

@@ -18,10 +18,13 @@
 #include "raymarch/states.h"
 
 #define CRUMBS 4
-/* More than float32 is off, in crumbs; a step, in crumbs, and how many there are at most. */
+/* More than float32 is off, in crumbs, and at a distance, as a part of it. */
 #define SLACK 0.02f
+#define FAR_SLACK 0x1p-21f
+/* A step, in crumbs, and how many there are at most; and how many crumbs wide a box may be. */
 #define STRIDE 1.5f
 #define STEPS 24
+#define WIDEST 32
 
 /* First and last crumb along a side of `side` voxels that hold part of one of them. */
 #define FIRST_CRUMB(voxel, side) ((voxel) * CRUMBS / (side))
@@ -141,9 +144,13 @@ __kernel void refine_starts(
         slowest = fmin(slowest, ahead);
         fastest = fmax(fastest, ahead);
     }
-    /* Rays between them are rounded on their own. */
-    from = (from - 1.0f) / per_crumb - SLACK;
-    to = (to + 1.0f) / per_crumb + SLACK;
+    /* Rays between them are rounded on their own; and a whole unit of direction is more than is
+     * lost where places are multiplied out, here and where rays set off. */
+    from = (from - 1.0f) / per_crumb;
+    to = (to + 1.0f) / per_crumb;
+    const float4 slack = SLACK + FAR_SLACK * fmax(fabs(from), fabs(to));
+    from -= slack;
+    to += slack;
     slowest = (slowest - 1.0f) / per_crumb;
     fastest = (fastest + 1.0f) / per_crumb;
     const float4 pace = fmax(fabs(slowest), fabs(fastest));
@@ -155,10 +162,13 @@ __kernel void refine_starts(
         const float4 high = fmax(to + t * fastest, to + then * fastest);
         const int4 first_crumb = convert_int4_rtn(low), last_crumb = convert_int4_rtn(high);
         if (first_crumb.x <= last.x && first_crumb.y <= last.y && first_crumb.z <= last.z
-            && last_crumb.x >= 0 && last_crumb.y >= 0 && last_crumb.z >= 0
-            && holds_any(MODEL_ARGUMENTS, columns, states, crumbs, max(first_crumb, (int4)(0)),
-                         min(last_crumb, last)))
-            break;
+            && last_crumb.x >= 0 && last_crumb.y >= 0 && last_crumb.z >= 0) {
+            const int4 begin = max(first_crumb, (int4)(0)), end = min(last_crumb, last);
+            const int4 size = end - begin;
+            if (size.x >= WIDEST || size.y >= WIDEST || size.z >= WIDEST
+                || holds_any(MODEL_ARGUMENTS, columns, states, crumbs, begin, end))
+                break;
+        }
         t = then;
     }
     starts[id] = t;

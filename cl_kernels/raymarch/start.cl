@@ -12,8 +12,10 @@
  */
 #include "raymarch/rays.h"
 
-/* More than float32 and the rounding of directions are off, in blocks. */
+/* More than float32 and the rounding of directions are off, in blocks; and more than float32 is off
+ * at a distance, as a part of it. */
 #define SLACK 0.06f
+#define FAR_SLACK 0x1p-21f
 #define STEPS 192
 
 /* How far everything around a place is empty along one axis, if so many blocks are. */
@@ -72,7 +74,8 @@ __kernel void find_starts(
                  fmin(in_z - k, k + 1 - in_z));
         const float safe =
             fmax(outside, distance == 0 ? 0.0f : (float)(distance - 1) + fmax(rest, 0.0f));
-        const float gain = safe - (wide + t * wider) - SLACK;
+        const float slack = SLACK + FAR_SLACK * (most_of(fabs(at)) + t * fastest);
+        const float gain = safe - (wide + t * wider) - slack;
         if (gain <= SLACK) break;
         t += gain / fastest;
         if (t > end) break;

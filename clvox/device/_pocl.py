@@ -49,13 +49,14 @@ _COUNTS = "POCL_MAX_PTHREAD_COUNT"
 def start_threads(find: Callable[[], list[cl.Platform]]) -> tuple[cl.Platform, ...]:
     """Return the platforms that *find* finds; have PoCL bind each of its threads to a core.
 
-    Not if the process may not use every core, since PoCL counts all of them; nor if the user has
+    Not if the process may not use every core, or cores have other numbers than the first, since
+    PoCL binds its threads to those; nor if the user has
     decided about it, or wants few threads, which would share the first cores with those of other
     processes.  Elsewhere than on Linux PoCL binds no threads.
     """
     if sys.platform != "linux" or _BINDS in os.environ or _COUNTS in os.environ:
         return tuple(find())
-    if len(os.sched_getaffinity(0)) != os.cpu_count():
+    if os.sched_getaffinity(0) != set(range(os.cpu_count() or 0)):
         return tuple(find())
     with variable(_BINDS, "1"):
         found = tuple(find())

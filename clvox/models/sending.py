@@ -27,6 +27,7 @@ class SentMesh:
         self._session = session
         self._vertices = vertices
         self._faces = faces
+        self._row: NDArray[np.int32] | None = None
         self.facets: Mesh = FacetChunks(vertices, faces, 1)
 
     @property
@@ -39,13 +40,14 @@ class SentMesh:
     def fit(self, room: int) -> None:
         """Let the mesh, and what visiting it takes, be in *room* bytes."""
         size_of, largest = self._session.size_of, self._session.device.largest_allocation
-        vertices = pad(self._vertices)
-        sizes = size_of(vertices.nbytes), size_of(self._faces.nbytes)
+        padded = self._vertices.nbytes + self._vertices.itemsize
+        sizes = size_of(padded), size_of(self._faces.nbytes)
         whole = sum(sizes) + VISIT_BYTES * len(self._faces)
         if whole > room or max(sizes) > largest:
             most = max(min(room, largest) // BYTES_PER_TRIANGLE, 1)
             self.facets = FacetChunks(self._vertices, self._faces, most)
         elif not isinstance(self.facets, Facets):
             # They stay here as long as they are visited.
+            self._row = pad(self._vertices)
             share = self._session.share
-            self.facets = Facets(share(vertices), share(self._faces))
+            self.facets = Facets(share(self._row), share(self._faces))

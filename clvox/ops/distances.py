@@ -59,8 +59,7 @@ def measure_distances(
 ) -> Distances:
     """Return the distances of a model.
 
-    edge: which voxels are touched, laid out like the voxels.  Only a dense model needs it, if rays
-    are to meet them: with cells all of them are in cells that have bricks, and so are not empty.
+    edge: which voxels are touched, laid out like the voxels; needed if rays are to meet them.
     """
     cells = arrays.cells
     whole, side = (arrays.shape, DENSE_SIDE) if cells is None else (cells.shape, 1)
