@@ -247,7 +247,8 @@ static inline void solve_rows(
     for (int n = 0; n < count; ++n) {
         const int i = list[n];
         int first = spans.first[i], last = spans.last[i];
-        if (last - first + 1 < SHORT_SPAN) {
+        /* Who counts needs no slots, of which eight are found at a time. */
+        if (SINK == COUNT || last - first + 1 < SHORT_SPAN) {
             scan_row(sink, found, p, edges_at(p, row, i, first), box.x + start + i, box.y + first,
                      box.y + last);
             continue;
