@@ -5,8 +5,8 @@
  * answers are the same.  A sink is defined before (crossings/sinks.h): a type Sink and a function
  * cross(Sink *, int u, int v, int at), `at` being the slot, or for the sink EMIT the depth.
  *
- * A triangle of few candidate rays tries them all; of others only the covered rays of each row are
- * solved for, and their slots are found LANES at a time.
+ * A triangle of few candidate rays tries them all; of others the rays of each row that may be
+ * covered are solved for, and where slots are asked for these are found LANES at a time.
  *
  * Whether a ray is covered, nobody foresees: crossings are found without a branch, and handed to
  * the sink some dozens at a time, by drain(): one by one, or all to cross_all(sink, count, us, vs,
@@ -188,9 +188,10 @@ static inline Edges edges_at(const Planes *p, const Edges e, const edge_t i, con
 
 #if EDGE_BITS == 64 || WIDE
 
-#if SINK == EMIT
-#define solve_run scan_row
-#else
+/* Who counts needs no slots, and depths are found one by one. */
+#define SOLVES (SINK != COUNT && SINK != EMIT)
+
+#if SOLVES
 
 /* The same of rays that are all covered, LANES at a time. */
 static inline void solve_run(
@@ -225,14 +226,14 @@ static inline void solve_run(
     }
 }
 
-#endif
-
 static inline bool covers(const Edges e)
 {
     return (e.a | e.b | e.c) >= 0;
 }
 
-/* In rows from box.x + start on, a block of them, only the rays that are covered are. */
+#endif
+
+/* In rows from box.x + start on, a block of them, only the rays that may be covered are. */
 static inline void solve_rows(
     Sink *sink, Found *found, const Planes *p, const Edges origin, const int4 box, const int start)
 {
@@ -247,17 +248,18 @@ static inline void solve_rows(
     for (int n = 0; n < count; ++n) {
         const int i = list[n];
         int first = spans.first[i], last = spans.last[i];
-        /* Who counts needs no slots, of which eight are found at a time. */
-        if (SINK == COUNT || last - first + 1 < SHORT_SPAN) {
-            scan_row(sink, found, p, edges_at(p, row, i, first), box.x + start + i, box.y + first,
-                     box.y + last);
+#if SOLVES
+        if (last - first + 1 >= SHORT_SPAN) {
+            /* Spans are rarely too wide, and those between two covered rays are covered. */
+            while (first <= last && !covers(edges_at(p, row, i, first))) ++first;
+            while (first < last && !covers(edges_at(p, row, i, last))) --last;
+            solve_run(sink, found, p, edges_at(p, row, i, first), box.x + start + i,
+                      box.y + first, box.y + last);
             continue;
         }
-        /* Spans are rarely too wide, and those between two covered rays are covered. */
-        while (first <= last && !covers(edges_at(p, row, i, first))) ++first;
-        while (first < last && !covers(edges_at(p, row, i, last))) --last;
-        solve_run(sink, found, p, edges_at(p, row, i, first), box.x + start + i, box.y + first,
-                  box.y + last);
+#endif
+        scan_row(sink, found, p, edges_at(p, row, i, first), box.x + start + i, box.y + first,
+                 box.y + last);
     }
 }
 

@@ -30,7 +30,7 @@ typedef struct {
  * counted as one disagreement. */
 static inline ulong agreed(Lanes *lanes, const ulong state, const bool untouched)
 {
-    const ulong uniform = state & 1 ? ALL_RAYS : 0;
+    const ulong uniform = state & 1 ? WHOLE_FACE : 0;
     const bool disagree = untouched && state != uniform;
     lanes->disagreements += disagree;
     return disagree ? uniform : state;

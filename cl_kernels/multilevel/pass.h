@@ -14,11 +14,17 @@
 
 #if BRICK_X == 8 && BRICK_Y == 8 && BRICK_Z == 8
 
-#define ALL_RAYS 0xffffffffffffffffUL
+#define WHOLE_FACE 0xffffffffffffffffUL
 
 static inline ulong load_face(const __global uint *face)
 {
     return upsample(face[1], face[0]);
+}
+
+static inline void store_face(__global uint *face, const ulong state)
+{
+    face[0] = (uint)state;
+    face[1] = (uint)(state >> 32);
 }
 
 /* Turns flipped bits into solid ones; returns the state behind the cell.  Eight z-planes of eight
@@ -52,12 +58,18 @@ static inline void clip_brick(__global uint *brick, const int3 kept)
 
 #else
 
-#define ALL_RAYS 0x000f000f000f000fUL
+#define WHOLE_FACE 0x000f000f000f000fUL
 
 static inline ulong load_face(const __global uint *face)
 {
     const ulong rays = *face;
     return (rays & 0xf) | (rays & 0xf0) << 12 | (rays & 0xf00) << 24 | (rays & 0xf000) << 36;
+}
+
+static inline void store_face(__global uint *face, const ulong state)
+{
+    face[0] = (uint)((state & 0xf) | (state >> 12 & 0xf0) | (state >> 24 & 0xf00)
+                     | (state >> 36 & 0xf000));
 }
 
 /* The same: two shifts are the running xor. */
@@ -70,7 +82,7 @@ static inline ulong pass_brick(
     bits ^= (bits & 0x00ff00ff00ff00ffUL) << 8;
     bits ^= state * 0x1111;
     *voxels = bits;
-    return (bits >> 12 & ALL_RAYS) ^ load_face(exits);
+    return (bits >> 12 & WHOLE_FACE) ^ load_face(exits);
 }
 
 static inline void clip_brick(__global uint *brick, const int3 kept)

@@ -51,53 +51,15 @@ static inline bool is_uniform(const __global uint *face)
     return differing == 0;
 }
 
-#if BRICK_X == 8 && BRICK_Y == 8 && BRICK_Z == 8
+#if BRICK_X == BRICK_Y && BRICK_Y == BRICK_Z && (BRICK_X == 4 || BRICK_X == 8)
 
-/* Eight z-planes of eight bytes along y: three shifts are the running xor, and a byte times
- * 0x0101... the state of its eight rays at all y. */
+#include "multilevel/pass.h"
+
 static inline void walk_brick(
     __global uint *brick, __global uint *face, const __global uint *exits, const int3 kept)
 {
-    __global ulong *planes = (__global ulong *)brick;
-    const ulong state = upsample(face[1], face[0]);
-    const ulong flips = upsample(exits[1], exits[0]);
-    ulong after = 0;
-    for (int z = 0; z < 8; ++z) {
-        ulong plane = planes[z];
-        plane ^= plane << 8;
-        plane ^= plane << 16;
-        plane ^= plane << 32;
-        plane ^= ((state >> (8 * z)) & 0xff) * 0x0101010101010101UL;
-        after |= (plane >> 56) << (8 * z);
-        if (kept.x < 8) plane &= ((1UL << kept.x) - 1) * 0x0101010101010101UL;
-        if (kept.y < 8) plane &= (1UL << (8 * kept.y)) - 1;
-        planes[z] = z < kept.z ? plane : 0;
-    }
-    face[0] = (uint)(after ^ flips);
-    face[1] = (uint)((after ^ flips) >> 32);
-}
-
-#elif BRICK_X == 4 && BRICK_Y == 4 && BRICK_Z == 4
-
-/* Sixteen bits for each z, four of them for each y: two shifts are the running xor. */
-static inline void walk_brick(
-    __global uint *brick, __global uint *face, const __global uint *exits, const int3 kept)
-{
-    __global ulong *voxels = (__global ulong *)brick;
-    const ulong rays = face[0];
-    const ulong state = (rays & 0xf) | (rays & 0xf0) << 12 | (rays & 0xf00) << 24
-                      | (rays & 0xf000) << 36;
-    ulong bits = *voxels;
-    bits ^= (bits & 0x0fff0fff0fff0fffUL) << 4;
-    bits ^= (bits & 0x00ff00ff00ff00ffUL) << 8;
-    bits ^= state * 0x1111;
-    const ulong last = bits >> 12;
-    face[0] = exits[0] ^ (uint)((last & 0xf) | (last >> 12 & 0xf0) | (last >> 24 & 0xf00)
-                                | (last >> 36 & 0xf000));
-    if (kept.x < 4) bits &= ((1UL << kept.x) - 1) * 0x1111111111111111UL;
-    if (kept.y < 4) bits &= ((1UL << 4 * kept.y) - 1) * 0x0001000100010001UL;
-    if (kept.z < 4) bits &= (1UL << 16 * kept.z) - 1;
-    *voxels = bits;
+    store_face(face, pass_brick(brick, exits, load_face(face)));
+    if (kept.x < BRICK_X || kept.y < BRICK_Y || kept.z < BRICK_Z) clip_brick(brick, kept);
 }
 
 #else

@@ -50,9 +50,9 @@ def start_threads(find: Callable[[], list[cl.Platform]]) -> tuple[cl.Platform, .
     """Return the platforms that *find* finds; have PoCL bind each of its threads to a core.
 
     Not if the process may not use every core, or cores have other numbers than the first, since
-    PoCL binds its threads to those; nor if the user has
-    decided about it, or wants few threads, which would share the first cores with those of other
-    processes.  Elsewhere than on Linux PoCL binds no threads.
+    PoCL binds its threads to those; nor if the user has decided about it, or wants few threads,
+    which would share the first cores with those of other processes.  Elsewhere than on Linux PoCL
+    binds no threads.
     """
     if sys.platform != "linux" or _BINDS in os.environ or _COUNTS in os.environ:
         return tuple(find())

@@ -100,8 +100,7 @@ def refine_starts(
     """Return how far the rays of each small tile meet nothing, (tiles,) float32, in directions.
 
     wide: the same of tiles that are wider, as `TILE` is to `SMALL_TILE`.  tile: rays along the side
-    of a small one, a multiple of `SMALL_TILE`.  The model has
-    bricks, and *distances* their crumbs.
+    of a small one, a multiple of `SMALL_TILE`.  The model has bricks, and *distances* their crumbs.
     """
     assert distances.crumbs is not None
     columns, rows = size
