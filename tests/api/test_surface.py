@@ -21,9 +21,10 @@ from hypothesis.extra import numpy as hnp
 from numpy.typing import NDArray
 from skimage.measure import euler_number, marching_cubes
 
+from clvox._cubes import LEVEL, table
 from clvox.errors import GridError
 from clvox.grid import Grid, Shape
-from clvox.surface import LEVEL, Read, _table, _Weld, extract
+from clvox.surface import Read, extract
 
 Solid: TypeAlias = NDArray[np.bool_]
 Point: TypeAlias = tuple[int, ...]
@@ -84,10 +85,10 @@ def check(solid: Solid, mesh: Mesh) -> None:
 
 def triangles(case: int) -> list[tuple[Point, Point, Point]]:
     """The triangles of a cube, each vertex at twice its place, z, y, x: 0, 1 or 2."""
-    table = _table()
-    at = 2 * table.edges[:, 1:]
-    at[np.arange(12), 2 - table.edges[:, 0]] += 1
-    rows = table.triangles[table.start[case] : table.start[case] + table.count[case]]
+    known = table()
+    at = 2 * known.edges[:, 1:]
+    at[np.arange(12), 2 - known.edges[:, 0]] += 1
+    rows = known.triangles[known.start[case] : known.start[case] + known.count[case]]
     return [(tuple(a), tuple(b), tuple(c)) for a, b, c in at[rows].tolist()]
 
 
@@ -278,7 +279,7 @@ def test_blocks_and_skipped_cells_do_not_show(
     whole = extract(grid, reader(solid), block=100)
     assert np.array_equal(vertices, whole[0])
     assert np.array_equal(faces, whole[1])
-    assert faces.dtype == whole[1].dtype == np.int32
+    assert faces.dtype == whole[1].dtype == np.int64
     expected: list[Any] = []
     if solid.any():
         padded = np.pad(solid, 1).astype(np.float32)
@@ -289,9 +290,14 @@ def test_blocks_and_skipped_cells_do_not_show(
 
 
 def test_the_numbering_is_sorted() -> None:
+    """By the lower of the two voxels that a vertex lies between, then by the axis."""
     solid = np.random.default_rng(3).random((9, 8, 7)) < 0.5
     vertices, _ = extract(grid_of(solid), reader(solid), block=3)
-    assert np.array_equal(np.lexsort(vertices.T), np.arange(len(vertices)))
+    whole = vertices == np.floor(vertices)  # half-way between centres, at n + 1/2
+    assert (whole.sum(axis=1) == 1).all()
+    axis = np.argmax(whole, axis=1)
+    x, y, z = (vertices - 0.5 * whole).T
+    assert np.array_equal(np.lexsort((axis, x, y, z)), np.arange(len(vertices)))
     assert len(np.unique(vertices, axis=0)) == len(vertices)
 
 
@@ -320,7 +326,7 @@ def test_an_empty_solid_has_an_empty_surface() -> None:
     assert vertices.shape == (0, 3)
     assert vertices.dtype == np.float64
     assert faces.shape == (0, 3)
-    assert faces.dtype == np.int32
+    assert faces.dtype == np.int64
 
 
 class Ball:
@@ -379,19 +385,6 @@ def test_of_a_block_only_the_cells_in_question_are_read() -> None:
     check(solid, extract(grid_of(solid), read, states(solid, (8, 8, 4)), (8, 8, 4)))
     # The cell of the voxel, and one voxel more all around.
     assert boxes == [((15, 7, 11), (25, 17, 17))]
-
-
-def test_many_vertices_are_numbered_in_int64() -> None:
-    for before, dtype in ((2**31 - 7, np.int32), (2**31 - 6, np.int64)):
-        weld = _Weld(Grid((0, 0, 0), 1, (1, 1, 1)))
-        weld.base = before
-        voxel = np.zeros((3, 3, 3), np.uint8)
-        voxel[1, 1, 1] = 1
-        weld.add(((0, 2), (0, 2), (0, 2)), voxel)
-        weld.close(2)
-        (faces,) = weld.faces
-        assert faces.dtype == dtype
-        assert set(faces.ravel().tolist()) == set(range(before, before + 6))
 
 
 def test_peak_memory_is_below_a_tenth_of_the_dense_grid() -> None:
