@@ -96,11 +96,17 @@ def _mark_again(
 ) -> Cells:
     """The touched cells after an edit, from those before; looked at closely where it took place."""
     brick = cells.brick
+
+    def without(marks: cla.Array, others: cla.Array) -> cla.Array:
+        pair = (VoxelArrays(cells.shape, each) for each in (marks, others))
+        return combine(session, *pair, Operation.DIFFERENCE).voxels
+
     left = mark_cells(session, before, bits, shape, brick)
-    marks = VoxelArrays(cells.shape, cells.boundary)
-    kept = combine(session, marks, VoxelArrays(cells.shape, left), Operation.DIFFERENCE).voxels
+    kept = without(cells.boundary, left)
     mark_cells(session, after, bits, shape, brick, kept)
-    near = list_near(session, mesh, bits, cells.shape, brick, left, box)
+    # Where the edit has come back no other triangle need be asked: that is most cells.
+    doubtful = without(left, kept)
+    near = list_near(session, mesh, bits, cells.shape, brick, doubtful, box)
     mark_cells(session, near, bits, shape, brick, kept)
     return rank_cells(session, kept, cells.shape, brick)
 
