@@ -13,6 +13,12 @@
  */
 #include "boundary/overlap.h"
 
+/* Whether one of two cells of a row, which may be the same, is marked. */
+static inline uint row_meets(const __global uint *row, const int first, const int last)
+{
+    return (row[first / 32] >> (first % 32) | row[last / 32] >> (last % 32)) & 1;
+}
+
 /* One work-item looks at one triangle.
  * first, last: corners, on the lattice, of a box that holds all marked cells.
  * grid: shape of the grid of cells.
@@ -43,11 +49,20 @@ __kernel void list_near(
                last_touched(high.z, side.z)), grid.xyz - 1);
     if (to.x < from.x || to.y < from.y || to.z < from.z) return;
     const int3 sides = to - from + 1;
-    bool near = (ulong)sides.x * sides.y * sides.z > MOST;
     const int row_words = (grid.x + 31) / 32;
-    for (int z = from.z; z <= to.z && !near; ++z)
-        for (int y = from.y; y <= to.y && !near; ++y)
-            for (int x = from.x; x <= to.x && !near; ++x)
-                near = marks[((ulong)z * grid.y + y) * row_words + x / 32] >> (x % 32) & 1;
+    bool near = (ulong)sides.x * sides.y * sides.z > MOST;
+    if (all(sides <= 2)) {
+        /* Nearly all triangles of a fine mesh: without a loop. */
+        const ulong low_z = (ulong)from.z * grid.y, high_z = (ulong)to.z * grid.y;
+        near = row_meets(marks + (low_z + from.y) * row_words, from.x, to.x)
+            | row_meets(marks + (low_z + to.y) * row_words, from.x, to.x)
+            | row_meets(marks + (high_z + from.y) * row_words, from.x, to.x)
+            | row_meets(marks + (high_z + to.y) * row_words, from.x, to.x);
+    } else {
+        for (int z = from.z; z <= to.z && !near; ++z)
+            for (int y = from.y; y <= to.y && !near; ++y)
+                for (int x = from.x; x <= to.x && !near; ++x)
+                    near = marks[((ulong)z * grid.y + y) * row_words + x / 32] >> (x % 32) & 1;
+    }
     if (near) vstore3(numbers, (ulong)atomic_inc(listed), list);
 }

@@ -153,10 +153,11 @@ def _find_edit(
         )
     rows = [np.flatnonzero(_of_kept(differ, each) != _SAME) for each in (before, after)]
     corners = [
-        lattice.snap(each.vertices[each.faces[some]].reshape(-1, 3)).reshape(-1, 3, 3)
+        lattice.snap(each.vertices.take(each.faces.take(some, axis=0).reshape(-1), axis=0))
         for each, some in zip((before, after), rows, strict=True)
     ]
-    return Edit(*corners)
+    one, other = (each.reshape(-1, 3, 3) for each in corners)
+    return Edit(one, other)
 
 
 _SAME, _MOVED, _DROPPED = 0, 1, 2
