@@ -44,9 +44,8 @@ _CASE = np.int64((1 << CASE_BITS) - 1)
 _CUBES = 1 << 14
 """Cubes worked on at a time: what is made of them stays in the cache."""
 
-_PLACES = 1 << 20
-"""Places of cubes, listed or not, among which they are looked up at a time: so many, or as many as
-all cubes that are listed, or those of one plane."""
+_PLACES = 1 << 19
+"""Most places of cubes, listed or not, in a run of them; or as many as there are cubes."""
 
 
 class Region(NamedTuple):
@@ -60,6 +59,16 @@ class Region(NamedTuple):
         """The region of all cubes of *box*."""
         (x, x_stop), (y, y_stop), (z, z_stop) = box
         return cls((x, y, z), (x_stop - x, y_stop - y, z_stop - z))
+
+    @property
+    def plane(self) -> int:
+        """Places from a cube to the one above it."""
+        return self.sides[0] * self.sides[1]
+
+    @property
+    def reach(self) -> int:
+        """Places from a cube to the farthest one that a vertex of its triangles belongs to."""
+        return self.plane + self.sides[0]
 
     def keys(
         self,
@@ -134,99 +143,100 @@ def march(grid: Grid, region: Region, keys: NDArray[np.int64]) -> Mesh:
     Vertices come by the cube that they belong to, those of one cube along x, y and z; triangles by
     the cube that they lie in.
     """
-    width, height, depth = region.sides
-    plane = width * height
-    if not len(keys):
-        return np.empty((0, 3)), np.empty((0, 3), np.int64)
-    planes = np.searchsorted(keys, np.arange(depth + 1) * plane << CASE_BITS)
-    cuts = _cut(planes, max(1, max(_PLACES, len(keys)) // plane))
-    parts = [slice(*part) for part in itertools.pairwise(planes[cuts].tolist())]
-    ends = np.zeros((len(cuts), 2), np.int64)
-    np.cumsum([_made(keys[part]) for part in parts], axis=0, out=ends[1:])
-    # Made once and of the right size: memory costs more when it is touched for the first time than
-    # what is done there.
-    vertices = np.empty((ends[-1, 0], 3))
-    faces = np.empty((ends[-1, 1], 3), np.int64)
+    known = table()
+    span = max(_PLACES, len(keys))
+    cuts = _cut(keys, span)
+    parts = list(itertools.pairwise(cuts))
+    # Arrays are made once and of the right size: memory costs more when it is touched for the
+    # first time than what is done there.
+    ends = np.empty(len(keys), np.int64)
+    corners = np.zeros(len(cuts), np.int64)
+    for part, (a, b) in enumerate(parts):
+        cases = keys[a:b].astype(np.uint8)
+        known.crossed.sum(axis=0).take(cases, out=ends[a:b], mode="clip")
+        corners[part + 1] = known.count.take(cases).sum()
+    np.cumsum(ends, out=ends)
+    np.cumsum(corners, out=corners)
+    vertices = np.empty((ends[-1] if len(ends) else 0, 3))
+    faces = np.empty((corners[-1], 3), np.int64)
 
     def work(start: int, stop: int) -> None:
         # Written and read only where cubes are: a look-up without a search.
-        index = np.empty((max(np.diff(cuts)) + 1) * plane, np.int32)
-        for part, first, last, at, end in zip(parts, cuts, cuts[1:], ends, ends[1:], strict=False):
-            if not start <= part.start < stop:
-                continue
-            # Triangles have vertices that belong to cubes of the plane above.
-            above = keys[part.start : planes[min(last + 1, depth)]]
-            cubes = _Cubes.of(above, part.stop - part.start, first * plane, at[0])
-            cubes.place(grid, region, first, vertices[at[0] : end[0]])
-            cubes.connect(plane, width, index, faces[at[1] : end[1]])
+        index = np.empty(span + region.reach + 1, np.int32)
+        for part, (a, b) in enumerate(parts):
+            if start <= a < stop:
+                cubes = _Cubes.near(region, keys, ends, a, b)
+                cubes.place(grid, region, vertices[cubes.numbers[0, 0] : ends[b - 1]])
+                cubes.connect(region, index, faces[corners[part] : corners[part + 1]])
 
     in_halves(work, len(keys))
     return vertices, faces
 
 
-def _cut(planes: NDArray[np.intp], most: int) -> list[int]:
-    """Cut planes, at most so many together, where they hold about as many cubes as fit the cache.
-
-    planes: where the cubes of each begin, and the end of the last.
-    """
-    cuts, last = [0], len(planes) - 1
-    for stop in range(1, last):
-        if stop + 1 - cuts[-1] > most or planes[stop + 1] - planes[cuts[-1]] > _CUBES:
-            cuts.append(stop)
-    return [*cuts, last]
-
-
-def _made(keys: NDArray[np.int64]) -> tuple[int, int]:
-    """How many vertices and triangles cubes make."""
-    uses = np.bincount(keys & _CASE, minlength=256)
-    return int(uses @ table().crossed.sum(axis=0)), int(uses @ table().count)
+def _cut(keys: NDArray[np.int64], span: int) -> list[int]:
+    """Cut cubes into runs of `_CUBES` or fewer, over fewer places than *span*."""
+    cuts = [0]
+    while cuts[-1] < len(keys):
+        start = cuts[-1]
+        beyond = ((keys[start] >> CASE_BITS) + span) << CASE_BITS
+        run = keys[start : start + _CUBES]
+        cuts.append(start + int(np.searchsorted(run, beyond)))
+    return cuts
 
 
 class _Cubes(NamedTuple):
-    """Cubes of whole planes, *own* of them, and those of one plane more.
+    """A run of cubes, *own* of them, and after it those that vertices of their triangles belong to.
 
-    places: in the region, counted from the first plane.  numbers: (3, n), those of the vertices
-    along x, y and z, whether they are there or not.
+    first: the place of the first one, from which *places* are counted.  numbers: (3, n), those of
+    the vertices along x, y and z, whether they are there or not.
     """
 
     own: int
+    first: int
     places: NDArray[np.int64]
     cases: NDArray[np.uint8]
     numbers: NDArray[np.int64]
 
     @classmethod
-    def of(cls, keys: NDArray[np.int64], own: int, start: int, first: int) -> _Cubes:
-        """From *keys*; *start* is the place, and *first* the vertex, with which counting starts."""
-        cases = keys.astype(np.uint8)
+    def near(
+        cls, region: Region, keys: NDArray[np.int64], ends: NDArray[np.int64], a: int, b: int
+    ) -> _Cubes:
+        """Cubes *a* to *b*; *ends* is how many vertices there are up to each cube."""
+        first, last = int(keys[a] >> CASE_BITS), int(keys[b - 1] >> CASE_BITS)
+        # Those in the same layer, and those in the layer above: often all up to the last of them.
+        wanted = np.array(
+            [last + region.sides[0] + 2, first + region.plane, last + region.reach + 1]
+        )
+        stop, above, end = np.searchsorted(keys, wanted << CASE_BITS).tolist()
+        spans = slice(a, stop), slice(max(stop, above), end)
+        near = np.concatenate([keys[some] for some in spans])
+        cases = near.astype(np.uint8)
+        numbers = np.empty((3, len(near)), np.int64)
+        np.concatenate([ends[some] for some in spans], out=numbers[2])
         x, y, z = (crossed.take(cases) for crossed in table().crossed)
-        numbers = np.empty((3, len(keys)), np.int64)
-        np.cumsum(x + y + z, out=numbers[2])
-        numbers[2] += first
         numbers[2] -= z
         np.subtract(numbers[2], y, out=numbers[1])
         np.subtract(numbers[1], x, out=numbers[0])
-        return cls(own, (keys >> CASE_BITS) - start, cases, numbers)
+        return cls(b - a, first, (near >> CASE_BITS) - first, cases, numbers)
 
-    def place(self, grid: Grid, region: Region, plane: int, vertices: NDArray[np.float64]) -> None:
-        """Write where the vertices of the own cubes are; *plane* is the first one."""
+    def place(self, grid: Grid, region: Region, vertices: NDArray[np.float64]) -> None:
+        """Write where the vertices of the own cubes are."""
         width, height, _ = region.sides
+        places = self.places[: self.own] + self.first
         # `//` is several times faster than divmod.
-        rows = self.places[: self.own] // width
+        rows = places // width
         layers = rows // height
-        corner = self.places[: self.own] - rows * width, rows - layers * height, layers + plane
-        first = self.numbers[0, 0]
+        corner = places - rows * width, rows - layers * height, layers
         crossed = [some.take(self.cases[: self.own]) for some in table().crossed]
         owner = np.repeat(np.arange(self.own), sum(crossed))
         for axis in range(3):
             # Sample p stands at voxel p - 1, whose centre is at p - 1/2.
             twice = (2 * (corner[axis] + region.low[axis]) - 1).take(owner)
             (moved,) = np.nonzero(crossed[axis])
-            twice[self.numbers[axis].take(moved) - first] += 1
+            twice[self.numbers[axis].take(moved) - self.numbers[0, 0]] += 1
             vertices[:, axis] = twice * 0.5 * grid.spacing[axis] + grid.origin[axis]
 
-    def connect(
-        self, plane: int, width: int, index: NDArray[np.int32], faces: NDArray[np.int64]
-    ) -> None:
+    def connect(self, region: Region, index: NDArray[np.int32], faces: NDArray[np.int64]) -> None:
         """Write the triangles of the own cubes; *index* is room for a number at each place."""
         known, own = table(), self.own
         index[self.places] = np.arange(len(self.places), dtype=np.int32)
@@ -234,11 +244,12 @@ class _Cubes(NamedTuple):
         owners = {}
         corners = np.empty((len(known.edges), own), np.int64)
         for edge, (axis, *corner) in enumerate(known.edges.tolist()):
-            if tuple(corner) not in owners:
+            z, y, x = corner
+            if (z, y, x) not in owners:
                 # Of cubes that are not there, numbers are nonsense, and no triangle's.
-                step = corner[0] * plane + corner[1] * width + corner[2]
-                owners[tuple(corner)] = index.take(places + step, mode="clip")
-            self.numbers[axis].take(owners[tuple(corner)], out=corners[edge], mode="clip")
+                step = z * region.plane + y * region.sides[0] + x
+                owners[z, y, x] = index.take(places + step, mode="clip")
+            self.numbers[axis].take(owners[z, y, x], out=corners[edge], mode="clip")
         count = known.count.take(cases)
         # Per triangle, its row in the table: the first of its cube's, and counting on.
         row = np.repeat(known.start.take(cases) - (np.cumsum(count) - count), count)

@@ -98,8 +98,8 @@ def _mark_again(
     brick = cells.brick
 
     def without(marks: cla.Array, others: cla.Array) -> cla.Array:
-        pair = (VoxelArrays(cells.shape, each) for each in (marks, others))
-        return combine(session, *pair, Operation.DIFFERENCE).voxels
+        one, other = (VoxelArrays(cells.shape, each) for each in (marks, others))
+        return combine(session, one, other, Operation.DIFFERENCE).voxels
 
     left = mark_cells(session, before, bits, shape, brick)
     kept = without(cells.boundary, left)
