@@ -46,10 +46,33 @@
     const __global float *moments, const __global int *corners
 #define CAPS nodes, scale, places, moments, corners
 
-/* What is wound, and how far off that may be; size: the sum of the terms without their signs. */
+/* Nodes that the surroundings of some samples hold, and how many times as far as they are wide all
+ * others are. */
+#define MOST_NEAR 64
+#define AROUND_CARE 2.0f
+
+/* What is wound, and how far off that may be; size: the sum of the terms without their signs;
+ * terms: how many there are.  The error lacks that of adding them up until it is settled. */
 typedef struct {
     float winding, error, size;
+    int terms;
 } Estimate;
+
+static inline Estimate nothing_yet(void)
+{
+    Estimate sum;
+    sum.winding = 0.0f;
+    sum.error = MARGIN;
+    sum.size = 0.0f;
+    sum.terms = 1;
+    return sum;
+}
+
+static inline Estimate settled(Estimate sum)
+{
+    sum.error += UNIT * (float)sum.terms * sum.size;
+    return sum;
+}
 
 static inline long3 cross_exact(const int3 a, const int3 b)
 {
@@ -157,46 +180,102 @@ static inline float add_cap(
     return change + (fabs(below) * doubt + (volume + doubt) * SIDES_ROUNDED) / norm;
 }
 
-/* What the caps wind around every sample within `reach` of p; nothing is known if it may be off by
- * a half or more.
- * care: how many times as far as it is wide a node must be, at least, to be seen as a dipole. */
-static inline Estimate wind_caps(
-    const int3 p, const float reach, const float care, CAPS_PARAMETERS)
+/* Adds node `at` as a dipole, seen from p and all samples within `reach`, if it is `care` times as
+ * far as it is wide; returns whether it is. */
+static inline bool add_dipole(
+    Estimate *sum, const int at, const int3 p, const float reach, const float care,
+    CAPS_PARAMETERS)
 {
     #pragma OPENCL FP_CONTRACT OFF
-    Estimate sum;
-    sum.winding = 0.0f;
-    sum.size = 0.0f;
-    float error = MARGIN;
-    int terms = 1;
-    int at = 0;
-    while (at < nodes && error < 0.5f) {
-        const int3 to = (int3)(places[5 * at], places[5 * at + 1], places[5 * at + 2]) - p;
+    const int3 to = (int3)(places[5 * at], places[5 * at + 1], places[5 * at + 2]) - p;
+    const __global float *moment = moments + 5 * (ulong)at;
+    const float3 off = convert_float3(to) * scale.xyz;
+    const float distance = sqrt(dot(off, off));
+    const float spread = moment[4] + reach;
+    const float gap = distance * SHORTER - spread;
+    if (!(gap > 0.0f && gap > care * spread)) return false;
+    const float cube = 2.0f * TURN * gap * gap;
+    const float term = dot((float3)(moment[0], moment[1], moment[2]), off / distance)
+        / (2.0f * TURN * distance * distance);
+    sum->error += moment[3] / cube * (2.001f * spread / gap + 0x1p-19f);
+    sum->winding += term;
+    sum->size += fabs(term);
+    ++sum->terms;
+    return true;
+}
+
+/* Adds the nodes from `at` to before `end`, seen from p and all samples within `reach`; gives up
+ * when nothing is known.
+ * care: how many times as far as it is wide a node must be, at least, to be seen as a dipole. */
+static inline void add_nodes(
+    Estimate *sum, int at, const int end, const int3 p, const float reach, const float care,
+    CAPS_PARAMETERS)
+{
+    #pragma OPENCL FP_CONTRACT OFF
+    while (at < end && sum->error < 0.5f) {
         const int after = places[5 * at + 3], triangle = places[5 * at + 4];
-        const __global float *moment = moments + 5 * (ulong)at;
-        const float3 off = convert_float3(to) * scale.xyz;
-        const float distance = sqrt(dot(off, off));
-        const float spread = moment[4] + reach;
-        const float gap = distance * SHORTER - spread;
-        if (gap > 0.0f && gap > care * spread) {
-            const float cube = 2.0f * TURN * gap * gap;
-            const float term = dot((float3)(moment[0], moment[1], moment[2]), off / distance)
-                / (2.0f * TURN * distance * distance);
-            error += moment[3] / cube * (2.001f * spread / gap + 0x1p-19f);
-            sum.winding += term;
-            sum.size += fabs(term);
+        if (add_dipole(sum, at, p, reach, care, CAPS)) {
             at = after;
-            ++terms;
         } else if (triangle < 0) {
             ++at;
         } else {
-            error += add_cap(&sum, p, reach, triangle, scale, corners);
+            sum->error += add_cap(sum, p, reach, triangle, scale, corners);
+            ++sum->terms;
             at = after;
-            ++terms;
         }
     }
-    sum.error = error + UNIT * (float)terms * sum.size;
-    return sum;
+}
+
+/* What the caps wind around every sample within `reach` of p; nothing is known if it may be off by
+ * a half or more. */
+static inline Estimate wind_caps(
+    const int3 p, const float reach, const float care, CAPS_PARAMETERS)
+{
+    Estimate sum = nothing_yet();
+    add_nodes(&sum, 0, nodes, p, reach, care, CAPS);
+    return settled(sum);
+}
+
+/* What samples that are near each other share: the dipoles of what is far, added up, and the nodes
+ * that each has to look at itself. */
+typedef struct {
+    Estimate far;
+    int count;
+    int near[MOST_NEAR];
+} Surroundings;
+
+/* The surroundings of all samples within `reach` of p; nothing is known if too many nodes are near.
+ */
+static inline void look_around(
+    Surroundings *around, const int3 p, const float reach, CAPS_PARAMETERS)
+{
+    around->far = nothing_yet();
+    around->count = 0;
+    int at = 0;
+    while (at < nodes && around->far.error < 0.5f) {
+        const int after = places[5 * at + 3], triangle = places[5 * at + 4];
+        if (add_dipole(&around->far, at, p, reach, AROUND_CARE, CAPS)) {
+            at = after;
+        } else if (triangle < 0 && moments[5 * at + 4] > 0.5f * reach) {
+            ++at;
+        } else if (around->count < MOST_NEAR) {
+            around->near[around->count++] = at;
+            at = after;
+        } else {
+            around->far.error = INFINITY;
+        }
+    }
+}
+
+/* What the caps wind around the sample at p, given its surroundings. */
+static inline Estimate wind_near(const Surroundings *around, const int3 p, CAPS_PARAMETERS)
+{
+    Estimate sum = around->far;
+    for (int i = 0; i < around->count; ++i) {
+        const int node = around->near[i];
+        add_nodes(&sum, node, places[5 * node + 3], p, 0.0f, 1.0f, CAPS);
+    }
+    return settled(sum);
 }
 
 #endif

@@ -68,20 +68,21 @@ __kernel void fill_cells(
     inside[word] = bits;
 }
 
-/* Is the sample at p inside?  The caps tell in nearly all cases, the more closely they are looked
- * at; otherwise the curtain over the whole rim does.
+/* Is the sample at p inside?  The caps tell in nearly all cases, most of them by what the sample
+ * shares with its neighbours, the others the more closely they are looked at; otherwise the curtain
+ * over the whole rim does.
  * signs: of the crossings with the mesh before it; caps: of those with the caps. */
 static inline bool is_inside(
-    const int signs, const int caps, const int3 p, const uint edges, const __global int *rim,
-    CAPS_PARAMETERS)
+    const int signs, const int caps, const int3 p, const Surroundings *around,
+    const uint edges, const __global int *rim, CAPS_PARAMETERS)
 {
-    float care = 1.0f;
-    for (int look = 0; look < 3; ++look) {
-        const Estimate found = wind_caps(p, 0.0f, care, CAPS);
-        const float over = (float)(signs + caps) - found.winding - 0.5f;
-        if (fabs(over) > found.error) return over > 0.0f;
-        care *= 4.0f;
+    Estimate found = wind_near(around, p, CAPS);
+    float over = (float)(signs + caps) - found.winding - 0.5f;
+    for (float care = 1.0f; care <= 16.0f && !(fabs(over) > found.error); care *= 4.0f) {
+        found = wind_caps(p, 0.0f, care, CAPS);
+        over = (float)(signs + caps) - found.winding - 0.5f;
     }
+    if (fabs(over) > found.error) return over > 0.0f;
     return (float)signs > curtain_winding(rim, edges, p, scale) + 0.5f;
 }
 
@@ -115,6 +116,7 @@ __kernel void fill_bricks(
     const int3 cell = vload3(brick, owners);
     const int3 corner = cell * (int3)(BRICK_X, BRICK_Y, BRICK_Z);
     if (corner.z < window.x || corner.z > window.z) return;
+    Surroundings around;
     short threshold = thresholds[((ulong)cell.z * cells.y + cell.y) * cells.x + cell.x];
     if (threshold == MIXED) {
         int3 low = voxels.xyz, high = corner;
@@ -124,7 +126,10 @@ __kernel void fill_bricks(
             high = max(high, voxel);
         }
         high = min(high, voxels.xyz - 1);
-        threshold = threshold_of(min(low, high), high, CAPS);
+        low = min(low, high);
+        threshold = threshold_of(low, high, CAPS);
+        if (threshold == MIXED)
+            look_around(&around, centre_of(low, high), reach_of(low, high, scale), CAPS);
     }
     uint bits = 0;
     for (int number = first; number < last; ++number) {
@@ -133,7 +138,7 @@ __kernel void fill_bricks(
         const int signs = signs_before(window, offsets, rows, voxel);
         const int caps = signs_before(window, cap_offsets, cap_rows, voxel);
         const bool in = threshold == MIXED
-            ? is_inside(signs, caps, voxel << STEP_BITS, edges, rim, CAPS)
+            ? is_inside(signs, caps, voxel << STEP_BITS, &around, edges, rim, CAPS)
             : signs + caps >= threshold;
         if (in) bits |= 1u << (number - first);
     }
