@@ -21,6 +21,7 @@ from hypothesis.extra import numpy as hnp
 from numpy.typing import NDArray
 from skimage.measure import euler_number, marching_cubes
 
+from clvox import _cubes
 from clvox._cubes import LEVEL, table
 from clvox.errors import GridError
 from clvox.grid import Grid, Shape
@@ -287,6 +288,21 @@ def test_blocks_and_skipped_cells_do_not_show(
         # Twice the place, in samples of the padded array; sample p is at (p - 1/2) voxels.
         expected = canonical((np.rint(2 * there[:, ::-1]) / 2 - 0.5)[them])
     assert canonical(vertices[faces]) == expected
+
+
+@pytest.mark.parametrize(("cubes", "places"), [(1, 1), (7, 20), (1 << 14, 1)])
+def test_runs_of_cubes_do_not_show(
+    monkeypatch: pytest.MonkeyPatch, cubes: int, places: int
+) -> None:
+    """However few cubes, over however few places, are worked on at a time."""
+    solid = np.random.default_rng(5).random((9, 8, 7)) < 0.4
+    solid[5] = True
+    whole = extract(grid_of(solid), reader(solid))
+    monkeypatch.setattr(_cubes, "_CUBES", cubes)
+    monkeypatch.setattr(_cubes, "_PLACES", places)
+    runs = extract(grid_of(solid), reader(solid))
+    assert np.array_equal(runs[0], whole[0])
+    assert np.array_equal(runs[1], whole[1])
 
 
 def test_the_numbering_is_sorted() -> None:
