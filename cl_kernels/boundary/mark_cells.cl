@@ -83,6 +83,21 @@ static inline void mark(Sink *sink, const int3 cell, const ulong triangle)
     mark_if(sink, true, cell, triangle);
 }
 
+#define MARKS_FACES
+static inline void mark_face(
+    Sink *sink, const int3 first, const int z, const ulong face, const ulong triangle)
+{
+    ulong left = face;
+    ulong row = (ulong)z * sink->rows + first.y;
+    const uint at = (uint)first.x % 32;
+    for (int y = 0; left; ++y, left >>= 8, ++row) {
+        const ulong bits = (left & 255) << at;
+        __global uint *word = sink->marks + row * sink->row_words + (first.x >> 5);
+        if ((uint)bits) set_bit(sink, word, (uint)bits);
+        if (bits >> 32) set_bit(sink, word + 1, (uint)(bits >> 32));
+    }
+}
+
 #else
 
 #include "common/bricks.h"
@@ -106,6 +121,41 @@ typedef struct {
 } Sink;
 
 GATHER_BITS
+
+#if BRICK_X == 8 && BRICK_Y == 8 && BRICK_Z == 8
+
+#define MARKS_FACES
+static inline void mark_part(Sink *sink, const ulong bits, const uint x, const uint y, const uint z)
+{
+    if (!bits) return;
+    const uint above_z = z / 8;
+    const ulong above = ((ulong)above_z << 20 | y) << 20 | x;
+    const uint place = (above_z % 2 * 2 + y % 2) * 2 + x % 2;
+    if (sink->above[place] != above) {
+        sink->above[place] = above;
+        sink->brick[place] = find_brick(sink->tree, x, y, above_z);
+    }
+    const uint brick = sink->brick[place];
+    if (brick == NO_BRICK) return;
+    __global uint *word = sink->marks + (ulong)brick * BRICK_WORDS + z % 8 * 2;
+    if ((uint)bits) set_bit(sink, word, (uint)bits);
+    if (bits >> 32) set_bit(sink, word + 1, (uint)(bits >> 32));
+}
+
+static inline void mark_face(
+    Sink *sink, const int3 first, const int z, const ulong face, const ulong triangle)
+{
+    const int x = first.x & 7, y = 8 * (first.y & 7);
+    const int above_x = first.x >> 3, above_y = first.y >> 3;
+    const ulong left = (face << x) & ((255u << x) & 255u) * 0x0101010101010101UL;
+    const ulong right = (face >> (8 - x)) & (255u >> (8 - x)) * 0x0101010101010101UL;
+    mark_part(sink, left << y, above_x, above_y, z);
+    mark_part(sink, right << y, above_x + 1, above_y, z);
+    mark_part(sink, (left >> 1) >> (63 - y), above_x, above_y + 1, z);
+    mark_part(sink, (right >> 1) >> (63 - y), above_x + 1, above_y + 1, z);
+}
+
+#endif
 
 static inline void mark(Sink *sink, const int3 cell, const ulong triangle)
 {

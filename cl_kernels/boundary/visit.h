@@ -39,6 +39,19 @@ static inline void mark_if(
 }
 #endif
 
+#ifndef MARKS_FACES
+static inline void mark_face(
+    Sink *sink, const int3 first, const int z, const ulong face, const ulong triangle)
+{
+    for (ulong left = face; left; left &= left - 1) {
+        const int bit = (int)(63 - clz(left & (0 - left)));
+        mark(sink, (int3)(first.x + bit % 8, first.y + bit / 8, z), triangle);
+    }
+}
+#endif
+
+#include "boundary/block.h"
+
 /* All cells in some columns of a row, first to last, that the triangle touches. */
 static inline void mark_row(
     Sink *sink, const Solid *s, const int i, const int first, const int last,
@@ -133,6 +146,10 @@ static bool mark_triangle(
         for (int z = from.z; z <= to.z; ++z)
             for (int y = from.y; y <= to.y; ++y)
                 for (int x = from.x; x <= to.x; ++x) mark(sink, (int3)(x, y, z), triangle);
+        return true;
+    }
+    if (!((more.x == 0 || more.y == 0 || more.z == 0) && more.x + more.y + more.z <= 2) && max(more.x, max(more.y, more.z)) < BLOCK && LARGEST_CELL <= 32 && LARGEST_CELL << STEP_BITS <= 1 << 17) {
+        mark_block(sink, a, b, c, first_cell, from, to, triangle);
         return true;
     }
     if (more.x == 0 || more.y == 0 || more.z == 0) {
