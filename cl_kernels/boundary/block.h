@@ -12,11 +12,10 @@
 #define EVERY_BYTE 0x0101010101010101UL
 #define PLACES ((int8)(0, 1, 2, 3, 4, 5, 6, 7))
 
-/* Three edges in a projection, in lanes: what they are at places 0 to 7. */
 typedef struct {
-    int8 a, b, c;
-    int step_a, step_b, step_c;
-} Edges3;
+    int3 first, from, to;
+    ulong faces[BLOCK];
+} Block;
 
 typedef struct { int start, step_p, step_q; } Edge;
 
@@ -57,9 +56,9 @@ static inline int8 places_before(const long8 x, const long d, const float invers
 }
 
 /* from, to: the cells of its box in the grid, relative to first; */
-static inline void mark_block(
-    Sink *sink, const int3 a0, const int3 b0, const int3 c0, const int3 first, const int3 from, const int3 to, const ulong triangle)
+static inline void fill_block(Block *block, const int3 a0, const int3 b0, const int3 c0)
 {
+    const int3 first = block->first, from = block->from, to = block->to;
     const int3 origin = first * CELL_SIDES - HALF_STEP;
     const int3 a = a0 - origin, b = b0 - origin, c = c0 - origin;
     const int3 ab = b - a, bc = c - b, ca = a - c;
@@ -108,7 +107,7 @@ static inline void mark_block(
         const int8 out = ((va | vb | vc) >> 31) | ((((int8)(1) << before) - 1) >> 1);
         const int8 in = (((int8)(1) << to_last) - 1) & ~out & (int)(zx >> 8 * k & 255);
         const ulong row = as_ulong(convert_uchar8(in)) & xy;
-        mark_face(sink, first, first.z + k, row, triangle);
+        block->faces[k] = row;
         va += ea.step_q;
         vb += eb.step_q;
         vc += ec.step_q;

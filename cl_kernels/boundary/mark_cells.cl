@@ -19,9 +19,24 @@
  */
 #include "common/tiles.h"
 #include "boundary/overlap.h"
+#include "boundary/block.h"
 
 #define CELLS 0
 #define VOXELS 1
+
+#ifdef ATOMIC_LOADS
+
+/* Many triangles touch a cell: looking first, be the answer late, saves many atomics. */
+#define GATHER_BITS \
+    static inline void finish(const Sink *sink) {} \
+    static inline void set_bit(Sink *sink, __global uint *word, const uint bit) \
+    { \
+        const uint seen = atomic_load_explicit( \
+            (volatile __global atomic_uint *)word, memory_order_relaxed, memory_scope_device); \
+        if (bit & ~seen) atomic_or(word, bit); \
+    }
+
+#else
 
 /* Neighbouring cells often share a word: its bits are gathered, and written when another word's
  * turn comes. */
@@ -40,6 +55,8 @@
         sink->bits |= bit; \
     }
 
+#endif
+
 #if SINK == CELLS
 
 #define IDEMPOTENT
@@ -52,23 +69,7 @@ typedef struct {
     uint bits;
 } Sink;
 
-#ifdef ATOMIC_LOADS
-
-/* Many triangles touch a cell: looking first, be the answer late, saves nearly all atomics. */
-static inline void set_bit(Sink *sink, __global uint *word, const uint bit)
-{
-    const uint seen = atomic_load_explicit(
-        (volatile __global atomic_uint *)word, memory_order_relaxed, memory_scope_device);
-    if (bit & ~seen) atomic_or(word, bit);
-}
-
-static inline void finish(const Sink *sink) {}
-
-#else
-
 GATHER_BITS
-
-#endif
 
 static inline void mark_if(
     Sink *sink, const bool touches, const int3 cell, const ulong triangle)
@@ -83,18 +84,22 @@ static inline void mark(Sink *sink, const int3 cell, const ulong triangle)
     mark_if(sink, true, cell, triangle);
 }
 
-#define MARKS_FACES
-static inline void mark_face(
-    Sink *sink, const int3 first, const int z, const ulong face, const ulong triangle)
+#define MARKS_BLOCKS
+static inline void mark_block(Sink *sink, const Block *block, const ulong triangle)
 {
-    ulong left = face;
-    ulong row = (ulong)z * sink->rows + first.y;
-    const uint at = (uint)first.x % 32;
-    for (int y = 0; left; ++y, left >>= 8, ++row) {
-        const ulong bits = (left & 255) << at;
-        __global uint *word = sink->marks + row * sink->row_words + (first.x >> 5);
-        if ((uint)bits) set_bit(sink, word, (uint)bits);
-        if (bits >> 32) set_bit(sink, word + 1, (uint)(bits >> 32));
+    for (int x = block->from.x >> 5; x <= block->to.x >> 5; ++x) {
+        const int shift = block->first.x - 32 * x;
+        const int left = max(shift, 0), right = max(-shift, 0);
+        for (int z = block->from.z; z <= block->to.z; ++z) {
+            const ulong face = block->faces[z - block->first.z];
+            __global uint *word = sink->marks + ((ulong)z * sink->rows + block->from.y) * sink->row_words + x;
+            for (int y = block->from.y; y <= block->to.y; ++y) {
+                const uint row = (uint)(face >> 8 * (y - block->first.y)) & 255;
+                const uint bits = row << left >> right;
+                if (bits) atomic_or(word, bits);
+                word += sink->row_words;
+            }
+        }
     }
 }
 
@@ -124,35 +129,38 @@ GATHER_BITS
 
 #if BRICK_X == 8 && BRICK_Y == 8 && BRICK_Z == 8
 
-#define MARKS_FACES
-static inline void mark_part(Sink *sink, const ulong bits, const uint x, const uint y, const uint z)
+#define MARKS_BLOCKS
+static inline uint known_brick(Sink *sink, const uint x, const uint y, const uint z)
 {
-    if (!bits) return;
-    const uint above_z = z / 8;
-    const ulong above = ((ulong)above_z << 20 | y) << 20 | x;
-    const uint place = (above_z % 2 * 2 + y % 2) * 2 + x % 2;
+    const ulong above = ((ulong)z << 20 | y) << 20 | x;
+    const uint place = (z % 2 * 2 + y % 2) * 2 + x % 2;
     if (sink->above[place] != above) {
         sink->above[place] = above;
-        sink->brick[place] = find_brick(sink->tree, x, y, above_z);
+        sink->brick[place] = find_brick(sink->tree, x, y, z);
     }
-    const uint brick = sink->brick[place];
-    if (brick == NO_BRICK) return;
-    __global uint *word = sink->marks + (ulong)brick * BRICK_WORDS + z % 8 * 2;
-    if ((uint)bits) set_bit(sink, word, (uint)bits);
-    if (bits >> 32) set_bit(sink, word + 1, (uint)(bits >> 32));
+    return sink->brick[place];
 }
 
-static inline void mark_face(
-    Sink *sink, const int3 first, const int z, const ulong face, const ulong triangle)
+static inline void mark_block(Sink *sink, const Block *block, const ulong triangle)
 {
-    const int x = first.x & 7, y = 8 * (first.y & 7);
-    const int above_x = first.x >> 3, above_y = first.y >> 3;
-    const ulong left = (face << x) & ((255u << x) & 255u) * 0x0101010101010101UL;
-    const ulong right = (face >> (8 - x)) & (255u >> (8 - x)) * 0x0101010101010101UL;
-    mark_part(sink, left << y, above_x, above_y, z);
-    mark_part(sink, right << y, above_x + 1, above_y, z);
-    mark_part(sink, (left >> 1) >> (63 - y), above_x, above_y + 1, z);
-    mark_part(sink, (right >> 1) >> (63 - y), above_x + 1, above_y + 1, z);
+    const int3 from = block->from >> 3, to = block->to >> 3;
+    for (int z = from.z; z <= to.z; ++z)
+        for (int y = from.y; y <= to.y; ++y)
+            for (int x = from.x; x <= to.x; ++x) {
+                const int dx = block->first.x - 8 * x;
+                const int shift = 8 * (block->first.y - 8 * y) + dx;
+                const int left = max(shift, 0), right = max(-shift, 0);
+                const ulong mask = (255u << max(dx, 0) >> max(-dx, 0) & 255) * 0x0101010101010101UL;
+                const uint brick = known_brick(sink, x, y, z);
+                if (brick == NO_BRICK) continue;
+                __global uint *word = sink->marks + (ulong)brick * BRICK_WORDS;
+                const int last = min(block->to.z, 8 * z + 7);
+                for (int k = max(block->from.z, 8 * z); k <= last; ++k) {
+                    const ulong bits = block->faces[k - block->first.z] << left >> right & mask;
+                    if ((uint)bits) atomic_or(word + k % 8 * 2, (uint)bits);
+                    if (bits >> 32) atomic_or(word + k % 8 * 2 + 1, (uint)(bits >> 32));
+                }
+            }
 }
 
 #endif

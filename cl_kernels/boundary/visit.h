@@ -29,6 +29,7 @@
 
 #include "common/tiles.h"
 #include "boundary/flat.h"
+#include "boundary/block.h"
 #include "boundary/overlap.h"
 
 #ifndef IDEMPOTENT
@@ -39,18 +40,16 @@ static inline void mark_if(
 }
 #endif
 
-#ifndef MARKS_FACES
-static inline void mark_face(
-    Sink *sink, const int3 first, const int z, const ulong face, const ulong triangle)
+#ifndef MARKS_BLOCKS
+static inline void mark_block(Sink *sink, const Block *block, const ulong triangle)
 {
-    for (ulong left = face; left; left &= left - 1) {
-        const int bit = (int)(63 - clz(left & (0 - left)));
-        mark(sink, (int3)(first.x + bit % 8, first.y + bit / 8, z), triangle);
-    }
+    for (int z = block->from.z; z <= block->to.z; ++z)
+        for (ulong left = block->faces[z - block->first.z]; left; left &= left - 1) {
+            const int bit = (int)(63 - clz(left & (0 - left)));
+            mark(sink, (int3)(block->first.x + bit % 8, block->first.y + bit / 8, z), triangle);
+        }
 }
 #endif
-
-#include "boundary/block.h"
 
 /* All cells in some columns of a row, first to last, that the triangle touches. */
 static inline void mark_row(
@@ -149,7 +148,12 @@ static bool mark_triangle(
         return true;
     }
     if (!((more.x == 0 || more.y == 0 || more.z == 0) && more.x + more.y + more.z <= 2) && max(more.x, max(more.y, more.z)) < BLOCK && LARGEST_CELL <= 32 && LARGEST_CELL << STEP_BITS <= 1 << 17) {
-        mark_block(sink, a, b, c, first_cell, from, to, triangle);
+        Block block;
+        block.first = first_cell;
+        block.from = from;
+        block.to = to;
+        fill_block(&block, a, b, c);
+        mark_block(sink, &block, triangle);
         return true;
     }
     if (more.x == 0 || more.y == 0 || more.z == 0) {
