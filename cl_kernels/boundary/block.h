@@ -1,117 +1,153 @@
 /*
- * boundary/block.h: the cells that a small triangle touches, row by row.
+ * boundary/block.h: the cells that a small triangle touches, as bits.
+ *
+ * A triangle whose box touches at most 8 cells along each axis has a block of 8 x 8 x 8 cells.  A
+ * cell is touched iff it lies in the three shadows, along x, y and z, and the plane passes through
+ * it: the tests of boundary/overlap.h.  Of a row along x each of these keeps the cells from a first
+ * to a last, or all, or none: so a row is a byte, eight rows lie in lanes, and no branch depends on
+ * what is touched.
+ *
+ * Coordinates are steps from the lowest corner of the block, whose sides are at most 2^20.
+ * Components of the normal are then within 2^40, terms of the plane below 2^62.  From cell to cell
+ * what tells on which side of a shadow's edge they lie changes by multiples of 2^STEP_BITS: the
+ * bits below are cut off, downwards, so that no sign changes, and what is left is below 2^31.
+ *
+ * Defines:    STEP_BITS, CELL_*  (boundary/overlap.h)
  */
 #ifndef CLVOX_BLOCK_H
 #define CLVOX_BLOCK_H
 
-#include "common/corners.h"
 #include "boundary/overlap.h"
 
-#define LARGEST_CELL max(CELL_X, max(CELL_Y, CELL_Z))
 #define BLOCK 8
-#define EVERY_BYTE 0x0101010101010101UL
-#define PLACES ((int8)(0, 1, 2, 3, 4, 5, 6, 7))
+#define LARGEST_SIDE max(CELL_X, max(CELL_Y, CELL_Z))
+#define BLOCKS_FIT (LARGEST_SIDE <= 64 && LARGEST_SIDE << STEP_BITS <= 1 << 17)
 
+#define LANES ((int8)(0, 1, 2, 3, 4, 5, 6, 7))
+#define EACH_BYTE 0x0101010101010101UL
+
+/* first: the cell in the corner of the block, which may lie outside of the grid; from, to: those
+ * of its cells that lie in the triangle's box and the grid; faces: for each z of the block from
+ * from.z to to.z, a byte for each y, and in it a bit for each x. */
 typedef struct {
     int3 first, from, to;
     ulong faces[BLOCK];
 } Block;
 
-typedef struct { int start, step_p, step_q; } Edge;
+/* A side of a shadow in the projection (p, q): the cell (p, q) of the block is not wholly outside
+ * of it iff start + p * step_p + q * step_q >= 0. */
+typedef struct {
+    int start, step_p, step_q;
+} Line;
 
-static inline Edge make_edge(const long cross, const int dp, const int dq, const long turn, const int cp, const int cq)
+static inline long cross_of(const int2 a, const int2 b)
 {
-    const bool back = turn < 0;
-    const int p = back ? dq * cp : -dq * cp;
-    const int q = back ? -dp * cq : dp * cq;
-    Edge e;
-    e.step_p = p;
-    e.step_q = q;
-    e.start = (int)((back ? -cross : cross) >> STEP_BITS) + max(p, 0) + max(q, 0);
-    return e;
+    return (long)a.x * b.y - (long)a.y * b.x;
 }
 
-/* A byte for each lane, with a bit for each of count steps. */
-static inline ulong shadow(const Edge a, const Edge b, const Edge c, const int count, const bool by_q)
+/* cross: that of the corner before the side, and of the one `d` further; turn: twice the shadow's
+ * area, negative if it lies to the right of its sides. */
+static inline Line make_line(const long cross, const int2 d, const long turn, const int2 cell)
 {
-    int8 ea = a.start + PLACES * (by_q ? a.step_q : a.step_p);
-    int8 eb = b.start + PLACES * (by_q ? b.step_q : b.step_p);
-    int8 ec = c.start + PLACES * (by_q ? c.step_q : c.step_p);
-    const int sa = by_q ? a.step_p : a.step_q, sb = by_q ? b.step_p : b.step_q, sc = by_q ? c.step_p : c.step_q;
-    int8 out = 0;
-    for (int i = 0; i < count; ++i) {
-        out |= ((ea | eb | ec) >> 31) & (1 << i);
-        ea += sa;
-        eb += sb;
-        ec += sc;
+    const bool right = turn < 0;
+    Line line;
+    line.step_p = (right ? d.y : -d.y) * cell.x;
+    line.step_q = (right ? -d.x : d.x) * cell.y;
+    line.start = (int)((right ? -cross : cross) >> STEP_BITS)
+               + max(line.step_p, 0) + max(line.step_q, 0);
+    return line;
+}
+
+/* The sides of the shadow of a, b, c; cell: the sides of one, in voxels.  Returns twice its
+ * area. */
+static inline long make_lines(
+    Line *lines, const int2 a, const int2 b, const int2 c, const int2 cell)
+{
+    const long ab = cross_of(a, b), bc = cross_of(b, c), ca = cross_of(c, a);
+    const long turn = ab + bc + ca;
+    lines[0] = make_line(ab, b - a, turn, cell);
+    lines[1] = make_line(bc, c - b, turn, cell);
+    lines[2] = make_line(ca, a - c, turn, cell);
+    return turn;
+}
+
+/* A byte for each q, and in it a bit for each p up to `last`: the cells that a shadow touches. */
+static inline ulong shadow_of(const Line *lines, const int last)
+{
+    int8 a = lines[0].start + lines[0].step_q * LANES;
+    int8 b = lines[1].start + lines[1].step_q * LANES;
+    int8 c = lines[2].start + lines[2].step_q * LANES;
+    int8 outside = 0;
+    for (int p = 0; p <= last; ++p) {
+        outside |= ((a | b | c) >> 31) & (1 << p);
+        a += lines[0].step_p;
+        b += lines[1].step_p;
+        c += lines[2].step_p;
     }
-    return ~as_ulong(convert_uchar8(out));
+    return ~as_ulong(convert_uchar8(outside));
 }
 
-static inline int8 places_before(const long8 x, const long d, const float inverse)
+/* How many of the multiples 0, d, 2 d, ... 8 d are less than x, for d >= 0; `inverse` is that of d,
+ * or large if d is 0.
+ * The quotient in float32 is within 2^-17 of the true one, if that lies between -1 and 9, so the
+ * multiple nearest to it is off by less than d: one exact look at it tells. */
+static inline int8 multiples_below(const long8 x, const long d, const float inverse)
 {
-    const float8 t = clamp(convert_float8(x) * inverse, 0.0f, 8.0f);
-    const int8 m = convert_int8(t + 0.5f);
-    return m - convert_int8(convert_long8(m) * d < x);
+    const int8 nearest = convert_int8(clamp(convert_float8(x) * inverse, 0.0f, 8.0f) + 0.5f);
+    return nearest - convert_int8(convert_long8(nearest) * d < x);
 }
 
-/* from, to: the cells of its box in the grid, relative to first; */
-static inline void fill_block(Block *block, const int3 a0, const int3 b0, const int3 c0)
+/* The first so many bits. */
+static inline int8 low_bits(const int8 count)
 {
-    const int3 first = block->first, from = block->from, to = block->to;
-    const int3 origin = first * CELL_SIDES - HALF_STEP;
-    const int3 a = a0 - origin, b = b0 - origin, c = c0 - origin;
-    const int3 ab = b - a, bc = c - b, ca = a - c;
-    const long abx = (long)a.y * b.z - (long)a.z * b.y;
-    const long aby = (long)a.z * b.x - (long)a.x * b.z;
-    const long abz = (long)a.x * b.y - (long)a.y * b.x;
-    const long bcx = (long)b.y * c.z - (long)b.z * c.y;
-    const long bcy = (long)b.z * c.x - (long)b.x * c.z;
-    const long bcz = (long)b.x * c.y - (long)b.y * c.x;
-    const long cax = (long)c.y * a.z - (long)c.z * a.y;
-    const long cay = (long)c.z * a.x - (long)c.x * a.z;
-    const long caz = (long)c.x * a.y - (long)c.y * a.x;
-    long nx = abx + bcx + cax, ny = aby + bcy + cay, nz = abz + bcz + caz;
-    const int3 low = from - first, high = to - first;
-    /* xy: p = x, q = y */
-    const ulong xy = shadow(make_edge(abz, ab.x, ab.y, nz, CELL_X, CELL_Y),
-                            make_edge(bcz, bc.x, bc.y, nz, CELL_X, CELL_Y),
-                            make_edge(caz, ca.x, ca.y, nz, CELL_X, CELL_Y), high.x + 1, true)
-                   & (((2u << high.x) - (1u << low.x)) * EVERY_BYTE)
-                   & (~0UL << 8 * low.y) & (~0UL >> (56 - 8 * high.y));
-    /* zx: p = z, q = x */
-    const ulong zx = shadow(make_edge(aby, ab.z, ab.x, ny, CELL_Z, CELL_X),
-                            make_edge(bcy, bc.z, bc.x, ny, CELL_Z, CELL_X),
-                            make_edge(cay, ca.z, ca.x, ny, CELL_Z, CELL_X), high.x + 1, false);
-    /* yz: p = y, q = z */
-    const Edge ea = make_edge(abx, ab.y, ab.z, nx, CELL_Y, CELL_Z);
-    const Edge eb = make_edge(bcx, bc.y, bc.z, nx, CELL_Y, CELL_Z);
-    const Edge ec = make_edge(cax, ca.y, ca.z, nx, CELL_Y, CELL_Z);
-    if (nx < 0) {
-        nx = -nx;
-        ny = -ny;
-        nz = -nz;
-    }
-    const long side_x = CELL_X << STEP_BITS, side_y = CELL_Y << STEP_BITS, side_z = CELL_Z << STEP_BITS;
-    const long d = nx * side_x;
-    const float inverse = nx ? 1.0f / (float)d : 1e18f;
-    const long thick = 1 + (long)abs(ny) * side_y + (long)abs(nz) * side_z;
-    const long x0 = nx * a.x + ny * a.y + nz * a.z - max(ny, 0L) * side_y - max(nz, 0L) * side_z - nz * side_z * low.z;
-    long8 x = x0 - convert_long8(PLACES) * (ny * side_y);
-    int8 va = ea.start + low.z * ea.step_q + PLACES * ea.step_p;
-    int8 vb = eb.start + low.z * eb.step_q + PLACES * eb.step_p;
-    int8 vc = ec.start + low.z * ec.step_q + PLACES * ec.step_p;
-    for (int k = low.z; k <= high.z; ++k) {
-        const int8 before = places_before(x, d, inverse);
-        const int8 to_last = places_before(x + thick, d, inverse);
-        const int8 out = ((va | vb | vc) >> 31) | ((((int8)(1) << before) - 1) >> 1);
-        const int8 in = (((int8)(1) << to_last) - 1) & ~out & (int)(zx >> 8 * k & 255);
-        const ulong row = as_ulong(convert_uchar8(in)) & xy;
-        block->faces[k] = row;
-        va += ea.step_q;
-        vb += eb.step_q;
-        vc += ec.step_q;
-        x -= nz * side_z;
+    return ((int8)(1) << count) - 1;
+}
+
+/* The cells of its block, where BLOCKS_FIT, that the triangle touches whose corners are given. */
+static inline void fill_block(
+    Block *block, const int3 corner_a, const int3 corner_b, const int3 corner_c)
+{
+    const int3 corner = block->first * CELL_SIDES - HALF_STEP;
+    const int3 a = corner_a - corner, b = corner_b - corner, c = corner_c - corner;
+    const int3 from = block->from - block->first, to = block->to - block->first;
+    Line xy[3], xz[3], yz[3];
+    const long turn_xy = make_lines(xy, a.xy, b.xy, c.xy, (int2)(CELL_X, CELL_Y));
+    const long turn_xz = make_lines(xz, a.xz, b.xz, c.xz, (int2)(CELL_X, CELL_Z));
+    const long turn_yz = make_lines(yz, a.yz, b.yz, c.yz, (int2)(CELL_Y, CELL_Z));
+    /* Of the block, the box in the grid has the bytes from.y to to.y, and of these the bits from.x
+     * to to.x. */
+    const ulong box = ((2u << to.x) - (1u << from.x)) * EACH_BYTE
+                    & ~0UL << 8 * from.y & ~0UL >> (56 - 8 * to.y);
+    const ulong rows_xy = shadow_of(xy, to.x) & box;
+    const ulong rows_xz = shadow_of(xz, to.x);
+    int8 side_a = yz[0].start + from.z * yz[0].step_q + yz[0].step_p * LANES;
+    int8 side_b = yz[1].start + from.z * yz[1].step_q + yz[1].step_p * LANES;
+    int8 side_c = yz[2].start + from.z * yz[2].step_q + yz[2].step_p * LANES;
+
+    /* With a normal that does not point down x, the plane passes through the cell x of a row iff
+     * (x + 1) * across >= near, for the corner furthest along it, and x * across < near + thick,
+     * for the one opposite. */
+    const long nx = turn_yz < 0 ? -turn_yz : turn_yz;
+    const long ny = turn_yz < 0 ? turn_xz : -turn_xz;
+    const long nz = turn_yz < 0 ? -turn_xy : turn_xy;
+    const long across = nx * (CELL_X << STEP_BITS);
+    const long along_y = ny * (CELL_Y << STEP_BITS);
+    const long along_z = nz * (CELL_Z << STEP_BITS);
+    const float inverse = across == 0 ? 1e18f : 1.0f / (float)across;
+    const long thick = (long)(abs(along_y) + abs(along_z)) + 1;
+    long8 near = nx * a.x + ny * a.y + nz * a.z - max(along_y, 0L) - max(along_z, 0L)
+               - from.z * along_z - along_y * convert_long8(LANES);
+    for (int z = from.z; z <= to.z; ++z) {
+        const int8 before = low_bits(multiples_below(near, across, inverse)) >> 1;
+        const int8 up_to = low_bits(multiples_below(near + thick, across, inverse));
+        const int8 outside = (side_a | side_b | side_c) >> 31;
+        const int8 row = up_to & ~before & ~outside & (int)(rows_xz >> 8 * z & 255);
+        block->faces[z] = as_ulong(convert_uchar8(row)) & rows_xy;
+        side_a += yz[0].step_q;
+        side_b += yz[1].step_q;
+        side_c += yz[2].step_q;
+        near -= along_z;
     }
 }
+
 #endif

@@ -1,10 +1,11 @@
 /*
  * boundary/visit.h: every pair of a cell and a triangle that touches it.
  *
- * Each triangle walks the columns of cells in its shadow along the dominant axis of its normal, and
- * its plane bounds the cells of each column: never all cells of its box.  A triangle within one row
- * or one layer of cells takes a shorter way.  What is done with a pair is up to the sink, which
- * comes first: SINK_PARAMETERS, MAKE_SINK(grid), the type Sink, and
+ * Small triangles fill a block of bits (boundary/block.h).  Others walk the columns of cells in
+ * their shadow along the dominant axis of their normal, and their plane bounds the cells of each
+ * column: never all cells of a box.  A triangle within one row or one layer of cells takes a shorter
+ * way.  What is done with a pair is up to the sink, which comes first: SINK_PARAMETERS,
+ * MAKE_SINK(grid), the type Sink, and
  *
  *     mark(&sink, cell, triangle)   for each pair, once
  *     finish(&sink)                 when a work-item has no more
@@ -14,9 +15,13 @@
  *
  *     mark_if(&sink, touches, cell, triangle)   for cells of the grid, touched or not
  *
+ * One that defines TAKES_BLOCKS marks all cells of a block together:
+ *
+ *     mark_block(&sink, &block, triangle)
+ *
  * Defines:    VISIT_HINT attributes of the kernels, if a sink needs any
  *             RUN        triangles in a row that one work-item does directly
- *             DIRECT     most columns of a triangle that is done directly
+ *             DIRECT     most columns of a triangle that is done directly; blocks have 64
  *             TILE       its square is about how many columns a tile has (common/tiles.h)
  *             STEP_BITS, CELL_*  (boundary/overlap.h)
  */
@@ -28,9 +33,11 @@
 #endif
 
 #include "common/tiles.h"
-#include "boundary/flat.h"
 #include "boundary/block.h"
+#include "boundary/flat.h"
 #include "boundary/overlap.h"
+
+#define TRIES_BLOCKS (BLOCKS_FIT && BLOCK * BLOCK <= DIRECT)
 
 #ifndef IDEMPOTENT
 static inline void mark_if(
@@ -40,7 +47,7 @@ static inline void mark_if(
 }
 #endif
 
-#ifndef MARKS_BLOCKS
+#ifndef TAKES_BLOCKS
 static inline void mark_block(Sink *sink, const Block *block, const ulong triangle)
 {
     for (int z = block->from.z; z <= block->to.z; ++z)
@@ -147,7 +154,10 @@ static bool mark_triangle(
                 for (int x = from.x; x <= to.x; ++x) mark(sink, (int3)(x, y, z), triangle);
         return true;
     }
-    if (!((more.x == 0 || more.y == 0 || more.z == 0) && more.x + more.y + more.z <= 2) && max(more.x, max(more.y, more.z)) < BLOCK && LARGEST_CELL <= 32 && LARGEST_CELL << STEP_BITS <= 1 << 17) {
+    const bool layer = more.x == 0 || more.y == 0 || more.z == 0;
+    /* Four cells of a layer are sooner tried than a block is filled. */
+    const bool four = layer && more.x + more.y + more.z == 2;
+    if (TRIES_BLOCKS && !four && max(more.x, max(more.y, more.z)) < BLOCK) {
         Block block;
         block.first = first_cell;
         block.from = from;
@@ -156,7 +166,7 @@ static bool mark_triangle(
         mark_block(sink, &block, triangle);
         return true;
     }
-    if (more.x == 0 || more.y == 0 || more.z == 0) {
+    if (layer) {
         const int axis = more.x == 0 ? 0 : more.y == 0 ? 1 : 2;
         const int3 first = permute(from, axis);
         const int3 last = permute(to, axis);

@@ -57,7 +57,9 @@ def mark_and_count(
     cells = cell_shape(shape, brick)
     if marks is None:
         marks = session.zeros((cells[2], cells[1], words_for(cells[0])), np.uint32)
-    defines = _defines(bits, brick, _CELLS, direct, tile) | _loads(session)
+    defines = _defines(bits, brick, _CELLS, direct, tile)
+    if session.device.atomic_loads:
+        defines["ATOMIC_LOADS"] = 1
     flat = visit_facets(session, _FILE, "mark", facets, int4(cells), (marks,), defines, progress)
     return marks, flat
 
@@ -84,7 +86,7 @@ def mark_voxels(
     last = cells.last
     if marks is None:
         marks = session.zeros((last.count, last.brick_words), np.uint32)
-    defines = _defines(bits, side, _VOXELS, direct, tile) | cells.defines | _loads(session)
+    defines = _defines(bits, side, _VOXELS, direct, tile) | cells.defines
     sink = *cells.tree, marks
     visit_facets(session, _FILE, "mark", facets, int4(shape), sink, defines, progress)
     return marks
@@ -93,10 +95,6 @@ def mark_voxels(
 def _defines(bits: int, cell: Shape, sink: int, direct: int, tile: int) -> dict[str, int]:
     sides = dict(zip(("CELL_X", "CELL_Y", "CELL_Z"), cell, strict=True))
     return {"STEP_BITS": bits, "SINK": sink, "DIRECT": direct, "TILE": tile, **sides}
-
-
-def _loads(session: Session) -> dict[str, int]:
-    return {"ATOMIC_LOADS": 1} if session.device.atomic_loads else {}
 
 
 def count_flat(session: Session, facets: Mesh) -> int:
