@@ -130,10 +130,12 @@ def in_blocks(seed: int, count: int, bits: int, shape: Shape, cell: Shape) -> Me
         (11, (500, 450, 460), (64, 64, 64)),
         (9, (40, 30, 50), (3, 2, 5)),
         (7, (70, 11, 9), (1, 1, 1)),
+        (7, (9000, 8000, 9500), (1024, 1000, 1020)),
+        (14, (512, 600, 560), (64, 64, 64)),
     ],
 )
 def test_triangles_in_blocks(session: Session, bits: int, shape: Shape, cell: Shape) -> None:
-    """As wide as a block can be, on lattices as fine as they can be, and across the grid's sides."""
+    """As wide as a block can be, in voxels and in steps, and wider; across the grid's sides, too."""
     vertices, faces = in_blocks(42, some(300), bits, shape, cell)
     for face in faces:
         single = vertices, face[None]
