@@ -1,16 +1,18 @@
 /*
  * boundary/block.h: the cells that a small triangle touches, as bits.
  *
- * A triangle whose box touches at most 8 cells along each axis has a block of 8 x 8 x 8 cells.  A
- * cell is touched iff it lies in the three shadows, along x, y and z, and the plane passes through
- * it: the tests of boundary/overlap.h.  Of a row along x each of these keeps the cells from a first
- * to a last, or all, or none: so a row is a byte, eight rows lie in lanes, and no branch depends on
- * what is touched.
+ * A block is 8 x 8 x 8 cells; a triangle's box lies within one, or within a few.  A cell is touched
+ * iff it lies in the three shadows, along x, y and z, and the plane passes through it: the tests of
+ * boundary/overlap.h.  Of a row along x each of these keeps the cells from a first to a last, or
+ * all, or none: so a row is a byte, eight rows lie in lanes, and no branch depends on what is
+ * touched.
  *
- * Coordinates are steps from the lowest corner of the block, whose sides are at most 2^20.
- * Components of the normal are then within 2^40, terms of the plane below 2^62.  From cell to cell
- * what tells on which side of a shadow's edge they lie changes by multiples of 2^STEP_BITS: the
- * bits below are cut off, downwards, so that no sign changes, and what is left is below 2^31.
+ * Coordinates are steps from the lowest corner of a block.  Those of a triangle and of the cells lie
+ * within 2^20 of each other: components of the normal are then within 2^40, terms of the plane below
+ * 2^62.  From cell to cell what tells on which side of a shadow's edge they lie changes by multiples
+ * of 2^STEP_BITS: the bits below are cut off, downwards, so that no sign changes.  Of a triangle
+ * within one block, of cells of at most 64 voxels, at most 2^29 + 2^27 + 2^30 is left; of a larger
+ * one, within WIDEST_STEPS, at most 2^30 + 2^26 + 2^29: less than 2^31.
  *
  * Defines:    STEP_BITS, CELL_*  (boundary/overlap.h)
  */
@@ -23,12 +25,17 @@
 #define LARGEST_SIDE max(CELL_X, max(CELL_Y, CELL_Z))
 #define BLOCKS_FIT (LARGEST_SIDE <= 64 && LARGEST_SIDE << STEP_BITS <= 1 << 17)
 
+/* So many cells further along an axis than its first one the last may be of a triangle that has
+ * more than one block: they reach 7 cells beyond its box on either side. */
+#define WIDEST_STEPS (1 << min(20, 15 + (STEP_BITS - 1) / 2))
+#define WIDEST min(64, WIDEST_STEPS / (LARGEST_SIDE << STEP_BITS) - 16)
+
 #define LANES ((int8)(0, 1, 2, 3, 4, 5, 6, 7))
 #define EACH_BYTE 0x0101010101010101UL
 
-/* first: the cell in the corner of the block, which may lie outside of the grid; from, to: those
- * of its cells that lie in the triangle's box and the grid; faces: for each z of the block from
- * from.z to to.z, a byte for each y, and in it a bit for each x. */
+/* first: the cell in the corner of the block, which may lie outside of the grid; from, to: the cells
+ * of it that lie in the triangle's box and the grid; faces: for each z of the block from from.z to
+ * to.z, a byte for each y, and in it a bit for each x. */
 typedef struct {
     int3 first, from, to;
     ulong faces[BLOCK];
@@ -87,6 +94,16 @@ static inline ulong shadow_of(const Line *lines, const int last)
     return ~as_ulong(convert_uchar8(outside));
 }
 
+/* Are all cells of a block wholly outside of one side of a shadow? */
+static inline bool misses(const Line *lines)
+{
+    int inside = 0;
+    for (int i = 0; i < 3; ++i)
+        inside |= lines[i].start
+                + (BLOCK - 1) * (max(lines[i].step_p, 0) + max(lines[i].step_q, 0));
+    return inside < 0;
+}
+
 /* How many of the multiples 0, d, 2 d, ... 8 d are less than x, for d >= 0; `inverse` is that of d,
  * or large if d is 0.
  * The quotient in float32 is within 2^-17 of the true one, if that lies between -1 and 9, so the
@@ -103,9 +120,30 @@ static inline int8 low_bits(const int8 count)
     return ((int8)(1) << count) - 1;
 }
 
-/* The cells of its block, where BLOCKS_FIT, that the triangle touches whose corners are given. */
-static inline void fill_block(
-    Block *block, const int3 corner_a, const int3 corner_b, const int3 corner_c)
+/* Is the box of a triangle within one block?  more: by how many cells it is longer than one. */
+static inline bool fits_block(const int3 more)
+{
+    return max(more.x, max(more.y, more.z)) < BLOCK;
+}
+
+/* Is the triangle done soonest in blocks?  If there is one; or if its widest shadow has as many
+ * cells as its box has blocks, since most of those are then looked at for something. */
+static inline bool suits_blocks(const int3 a, const int3 b, const int3 c, const int3 more)
+{
+    if (fits_block(more)) return true;
+    if (max(more.x, max(more.y, more.z)) > WIDEST) return false;
+    const float x = fabs((float)cross2(a.yz, b.yz, c.yz)) * (1.0f / (CELL_Y * CELL_Z));
+    const float y = fabs((float)cross2(a.zx, b.zx, c.zx)) * (1.0f / (CELL_Z * CELL_X));
+    const float z = fabs((float)cross2(a.xy, b.xy, c.xy)) * (1.0f / (CELL_X * CELL_Y));
+    const int3 blocks = more / BLOCK + 2;
+    return max(x, max(y, z)) * (0.5f / (1 << STEP_BITS) / (1 << STEP_BITS))
+         > (float)(blocks.x * blocks.y * blocks.z);
+}
+
+/* The cells of a block, where BLOCKS_FIT, that the triangle touches whose corners are given; or
+ * false, if it touches none and is not `alone`. */
+static inline bool fill_block(
+    Block *block, const int3 corner_a, const int3 corner_b, const int3 corner_c, const bool alone)
 {
     const int3 corner = block->first * CELL_SIDES - HALF_STEP;
     const int3 a = corner_a - corner, b = corner_b - corner, c = corner_c - corner;
@@ -114,6 +152,7 @@ static inline void fill_block(
     const long turn_xy = make_lines(xy, a.xy, b.xy, c.xy, (int2)(CELL_X, CELL_Y));
     const long turn_xz = make_lines(xz, a.xz, b.xz, c.xz, (int2)(CELL_X, CELL_Z));
     const long turn_yz = make_lines(yz, a.yz, b.yz, c.yz, (int2)(CELL_Y, CELL_Z));
+    if (!alone && (misses(xy) || misses(xz) || misses(yz))) return false;
     /* Of the block, the box in the grid has the bytes from.y to to.y, and of these the bits from.x
      * to to.x. */
     const ulong box = ((2u << to.x) - (1u << from.x)) * EACH_BYTE
@@ -135,8 +174,11 @@ static inline void fill_block(
     const long along_z = nz * (CELL_Z << STEP_BITS);
     const float inverse = across == 0 ? 1e18f : 1.0f / (float)across;
     const long thick = (long)(abs(along_y) + abs(along_z)) + 1;
-    long8 near = nx * a.x + ny * a.y + nz * a.z - max(along_y, 0L) - max(along_z, 0L)
-               - from.z * along_z - along_y * convert_long8(LANES);
+    const long level = nx * a.x + ny * a.y + nz * a.z;
+    const long nearest = level - BLOCK * (max(along_y, 0L) + max(along_z, 0L));
+    if (!alone && (nearest > BLOCK * across || nearest + BLOCK * (thick - 1) < 0)) return false;
+    long8 near = level - max(along_y, 0L) - max(along_z, 0L) - from.z * along_z
+               - along_y * convert_long8(LANES);
     for (int z = from.z; z <= to.z; ++z) {
         const int8 before = low_bits(multiples_below(near, across, inverse)) >> 1;
         const int8 up_to = low_bits(multiples_below(near + thick, across, inverse));
@@ -148,6 +190,7 @@ static inline void fill_block(
         side_c += yz[2].step_q;
         near -= along_z;
     }
+    return true;
 }
 
 #endif

@@ -1,7 +1,7 @@
 /*
  * boundary/visit.h: every pair of a cell and a triangle that touches it.
  *
- * Small triangles fill a block of bits (boundary/block.h).  Others walk the columns of cells in
+ * Small triangles fill blocks of bits (boundary/block.h).  Others walk the columns of cells in
  * their shadow along the dominant axis of their normal, and their plane bounds the cells of each
  * column: never all cells of a box.  A triangle within one row or one layer of cells takes a shorter
  * way.  What is done with a pair is up to the sink, which comes first: SINK_PARAMETERS,
@@ -122,6 +122,23 @@ static void mark_layer(
     }
 }
 
+/* All cells that a triangle touches, block by block from cell `start` on; alone: there is one.
+ * from, to: the cells of its box in the grid. */
+static void mark_blocks(
+    Sink *sink, const int3 a, const int3 b, const int3 c, const int3 start, const int3 from,
+    const int3 to, const bool alone, const ulong triangle)
+{
+    Block block;
+    for (int z = start.z; z <= to.z; z += BLOCK)
+        for (int y = start.y; y <= to.y; y += BLOCK)
+            for (int x = start.x; x <= to.x; x += BLOCK) {
+                block.first = (int3)(x, y, z);
+                block.from = max(from, block.first);
+                block.to = min(to, block.first + (BLOCK - 1));
+                if (fill_block(&block, a, b, c, alone)) mark_block(sink, &block, triangle);
+            }
+}
+
 /* All cells that one triangle touches; or false if its columns are too many.  `flat` grows by one
  * if it has no area. */
 static bool mark_triangle(
@@ -157,13 +174,9 @@ static bool mark_triangle(
     const bool layer = more.x == 0 || more.y == 0 || more.z == 0;
     /* Four cells of a layer are sooner tried than a block is filled. */
     const bool four = layer && more.x + more.y + more.z == 2;
-    if (TRIES_BLOCKS && !four && max(more.x, max(more.y, more.z)) < BLOCK) {
-        Block block;
-        block.first = first_cell;
-        block.from = from;
-        block.to = to;
-        fill_block(&block, a, b, c);
-        mark_block(sink, &block, triangle);
+    if (TRIES_BLOCKS && !four && suits_blocks(a, b, c, more)) {
+        const bool alone = fits_block(more);
+        mark_blocks(sink, a, b, c, alone ? first_cell : from & -BLOCK, from, to, alone, triangle);
         return true;
     }
     if (layer) {
@@ -176,6 +189,8 @@ static bool mark_triangle(
                    box, first.z, triangle);
         return true;
     }
+    /* Few are left, and who builds the kernel waits for less. */
+    if (TRIES_BLOCKS) return false;
     Solid s;
     const int4 box = make_solid(&s, faces, vertices, triangle, grid);
     if (!is_small(box)) return false;

@@ -104,16 +104,18 @@ def test_single_triangles(session: Session, make: Callable[[int, int, int, Shape
             np.testing.assert_array_equal(found, expected, strict=True)
 
 
-def in_blocks(seed: int, count: int, bits: int, shape: Shape, cell: Shape) -> Mesh:
-    """Return so many triangles of boxes up to 8 cells wide.
+def in_blocks(
+    seed: int, count: int, bits: int, shape: Shape, cell: Shape, most: int = 8
+) -> Mesh:
+    """Return so many triangles of boxes up to *most* cells wide.
 
     Most have corners near those of cells; some lie in a plane through cells' sides or across an
     axis, and planes of others touch a cell just so.
     """
     rng = np.random.default_rng(seed)
     side = np.array(cell) << bits
-    widths = rng.integers(1, 9, (count, 1, 3)) * rng.integers(0, 2, (count, 1, 3))
-    widths[::2] = rng.integers(1, 9, (len(widths[::2]), 1, 3))
+    widths = rng.integers(1, most + 1, (count, 1, 3)) * rng.integers(0, 2, (count, 1, 3))
+    widths[::2] = rng.integers(1, most + 1, (len(widths[::2]), 1, 3))
     spots = rng.uniform(-0.5, 1, (count, 1, 3)) * cell_shape(shape, cell)
     spots = spots + rng.uniform(0, 1, (count, 3, 3)) * widths
     near = rng.random((count, 3, 3)) < 0.6
@@ -235,11 +237,32 @@ def test_voxels_equal_the_twin(
         np.testing.assert_array_equal(found.get(), expected, strict=True)
 
 
+@pytest.mark.parametrize(
+    ("bits", "shape", "cell"),
+    [
+        (7, (70, 60, 65), (1, 1, 1)),
+        (10, (600, 500, 450), (8, 8, 8)),
+        (11, (480, 550, 510), (8, 8, 8)),
+        (12, (500, 550, 480), (8, 8, 8)),
+        (11, (200, 90, 150), (3, 2, 4)),
+    ],
+)
+def test_many_blocks_hold_what_columns_do(
+    session: Session, bits: int, shape: Shape, cell: Shape
+) -> None:
+    """Columns equal the twin, which is slow with so many cells; some are too wide for blocks."""
+    vertices, faces = in_blocks(44, some(300), bits, shape, cell, 72)
+    for face in faces:
+        single = vertices, face[None]
+        blocks, columns = (marked(session, single, bits, shape, cell, n) for n in (64, 63))
+        np.testing.assert_array_equal(blocks, columns, strict=True)
+
+
 @pytest.mark.parametrize("brick", [(8, 8, 8), (8, 4, 8)])
 def test_blocks_in_bricks(session: Session, brick: Shape) -> None:
     """A block lies in up to eight bricks; each triangle alone, in the bricks of all."""
     bits, shape = 10, (21, 18, 23)
-    vertices, faces = in_blocks(43, some(80), bits, shape, (1, 1, 1))
+    vertices, faces = in_blocks(43, some(80), bits, shape, (1, 1, 1), 12)
     boundary = touched(vertices, faces[::3], bits, shape, brick)
     cells = rank_cells(
         session, session.upload(pack_bits(boundary)), cell_shape(shape, brick), brick
