@@ -152,7 +152,7 @@ static inline bool fill_block(
     const long turn_xy = make_lines(xy, a.xy, b.xy, c.xy, (int2)(CELL_X, CELL_Y));
     const long turn_xz = make_lines(xz, a.xz, b.xz, c.xz, (int2)(CELL_X, CELL_Z));
     const long turn_yz = make_lines(yz, a.yz, b.yz, c.yz, (int2)(CELL_Y, CELL_Z));
-    if (!alone && (misses(xy) || misses(xz) || misses(yz))) return false;
+    if (!alone && (misses(xy) | misses(xz) | misses(yz))) return false;
     /* Of the block, the box in the grid has the bytes from.y to to.y, and of these the bits from.x
      * to to.x. */
     const ulong box = ((2u << to.x) - (1u << from.x)) * EACH_BYTE
