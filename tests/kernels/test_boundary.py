@@ -104,9 +104,7 @@ def test_single_triangles(session: Session, make: Callable[[int, int, int, Shape
             np.testing.assert_array_equal(found, expected, strict=True)
 
 
-def in_blocks(
-    seed: int, count: int, bits: int, shape: Shape, cell: Shape, most: int = 8
-) -> Mesh:
+def in_blocks(seed: int, count: int, bits: int, shape: Shape, cell: Shape, most: int = 8) -> Mesh:
     """Return so many triangles of boxes up to *most* cells wide.
 
     Most have corners near those of cells; some lie in a plane through cells' sides or across an
@@ -137,7 +135,7 @@ def in_blocks(
     ],
 )
 def test_triangles_in_blocks(session: Session, bits: int, shape: Shape, cell: Shape) -> None:
-    """As wide as a block can be, in voxels and in steps, and wider; across the grid's sides, too."""
+    """As wide as a block can be, in voxels and in steps, and wider; or partly outside."""
     vertices, faces = in_blocks(42, some(300), bits, shape, cell)
     for face in faces:
         single = vertices, face[None]
