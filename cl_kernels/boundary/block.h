@@ -7,12 +7,12 @@
  * all, or none: so a row is a byte, eight rows lie in lanes, and no branch depends on what is
  * touched.
  *
- * Coordinates are steps from the lowest corner of a block.  Those of a triangle and of the cells lie
- * within 2^20 of each other: components of the normal are then within 2^40, terms of the plane below
- * 2^62.  From cell to cell what tells on which side of a shadow's edge they lie changes by multiples
- * of 2^STEP_BITS: the bits below are cut off, downwards, so that no sign changes.  Of a triangle
- * within one block, of cells of at most 64 voxels, at most 2^29 + 2^27 + 2^30 is left; of a larger
- * one, within WIDEST_STEPS, at most 2^30 + 2^26 + 2^29: less than 2^31.
+ * Coordinates are steps from the lowest corner of a block.  Those of a triangle and of the cells
+ * lie within 2^20 of each other: components of the normal are then within 2^40, terms of the plane
+ * below 2^62.  From cell to cell what tells on which side of a shadow's edge they lie changes by
+ * multiples of 2^STEP_BITS: the bits below are cut off, downwards, so that no sign changes.  Of a
+ * triangle within one block, of cells of at most 64 voxels, at most 2^29 + 2^27 + 2^30 is left; of a
+ * larger one, within WIDEST_STEPS, at most 2^30 + 2^26 + 2^29: less than 2^31.
  *
  * Defines:    STEP_BITS, CELL_*  (boundary/overlap.h)
  */
@@ -33,9 +33,9 @@
 #define LANES ((int8)(0, 1, 2, 3, 4, 5, 6, 7))
 #define EACH_BYTE 0x0101010101010101UL
 
-/* first: the cell in the corner of the block, which may lie outside of the grid; from, to: the cells
- * of it that lie in the triangle's box and the grid; faces: for each z of the block from from.z to
- * to.z, a byte for each y, and in it a bit for each x. */
+/* first: the cell in the corner of the block, which may lie outside of the grid; from, to: the
+ * cells of it that lie in the triangle's box and the grid; faces: for each z of the block from
+ * from.z to to.z, a byte for each y, and in it a bit for each x. */
 typedef struct {
     int3 first, from, to;
     ulong faces[BLOCK];

@@ -3,8 +3,8 @@
  *
  * Small triangles fill blocks of bits (boundary/block.h).  Others walk the columns of cells in
  * their shadow along the dominant axis of their normal, and their plane bounds the cells of each
- * column: never all cells of a box.  A triangle within one row or one layer of cells takes a shorter
- * way.  What is done with a pair is up to the sink, which comes first: SINK_PARAMETERS,
+ * column: never all cells of a box.  A triangle within one row or one layer of cells takes a
+ * shorter way.  What is done with a pair is up to the sink, which comes first: SINK_PARAMETERS,
  * MAKE_SINK(grid), the type Sink, and
  *
  *     mark(&sink, cell, triangle)   for each pair, once
