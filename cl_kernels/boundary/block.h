@@ -11,8 +11,8 @@
  * lie within 2^20 of each other: components of the normal are then within 2^40, terms of the plane
  * below 2^62.  From cell to cell what tells on which side of a shadow's edge they lie changes by
  * multiples of 2^STEP_BITS: the bits below are cut off, downwards, so that no sign changes.  Of a
- * triangle within one block, of cells of at most 64 voxels, at most 2^29 + 2^27 + 2^30 is left; of a
- * larger one, within WIDEST_STEPS, at most 2^30 + 2^26 + 2^29: less than 2^31.
+ * triangle within one block, of cells of at most 64 voxels, at most 2^29 + 2^27 + 2^30 is left; of
+ * a larger one, within WIDEST_STEPS, at most 2^30 + 2^26 + 2^29: less than 2^31.
  *
  * Defines:    STEP_BITS, CELL_*  (boundary/overlap.h)
  */
