@@ -18,10 +18,17 @@
  *             surface and solid voxelization on GPUs", ACM TOG 29(6), 2010, in integers.
  */
 #include "common/tiles.h"
+#include "boundary/block.h"
 #include "boundary/overlap.h"
 
 #define CELLS 0
 #define VOXELS 1
+
+/* A block has few bits in a word that are known already: nobody waits for the answer of a look. */
+static inline void set_bits(__global uint *word, const uint bits)
+{
+    if (bits) atomic_or(word, bits);
+}
 
 /* Neighbouring cells often share a word: its bits are gathered, and written when another word's
  * turn comes. */
@@ -83,6 +90,27 @@ static inline void mark(Sink *sink, const int3 cell, const ulong triangle)
     mark_if(sink, true, cell, triangle);
 }
 
+#define TAKES_BLOCKS
+
+static inline void mark_block(Sink *sink, const Block *block, const ulong triangle)
+{
+    const int3 first = block->first, from = block->from, to = block->to;
+    for (int x = from.x / 32; x <= to.x / 32; ++x) {
+        const int shift = first.x - 32 * x;
+        const int left = max(shift, 0), right = max(-shift, 0);
+        for (int z = from.z; z <= to.z; ++z) {
+            const ulong face = block->faces[z - first.z];
+            __global uint *word
+                = sink->marks + ((ulong)z * sink->rows + from.y) * sink->row_words + x;
+            for (int y = from.y; y <= to.y; ++y) {
+                const uint row = (uint)(face >> 8 * (y - first.y)) & 255;
+                set_bits(word, row << left >> right);
+                word += sink->row_words;
+            }
+        }
+    }
+}
+
 #else
 
 #include "common/bricks.h"
@@ -107,24 +135,62 @@ typedef struct {
 
 GATHER_BITS
 
+/* The brick below a cell of the level above. */
+static inline uint brick_below(Sink *sink, const uint x, const uint y, const uint z)
+{
+    const ulong above = ((ulong)z << 20 | y) << 20 | x;
+    const uint place = (z % 2 * 2 + y % 2) * 2 + x % 2;
+    if (sink->above[place] != above) {
+        sink->above[place] = above;
+        sink->brick[place] = find_brick(sink->tree, x, y, z);
+    }
+    return sink->brick[place];
+}
+
 static inline void mark(Sink *sink, const int3 cell, const ulong triangle)
 {
     /* Unsigned, so that powers of two are shifted. */
     const uint x = (uint)cell.x, y = (uint)cell.y, z = (uint)cell.z;
     const uint above_x = x / BRICK_X, above_y = y / BRICK_Y, above_z = z / BRICK_Z;
-    const ulong above = ((ulong)above_z << 20 | above_y) << 20 | above_x;
-    const uint place = (above_z % 2 * 2 + above_y % 2) * 2 + above_x % 2;
-    if (sink->above[place] != above) {
-        sink->above[place] = above;
-        sink->brick[place] = find_brick(sink->tree, above_x, above_y, above_z);
-    }
-    const uint brick = sink->brick[place];
+    const uint brick = brick_below(sink, above_x, above_y, above_z);
     if (brick == NO_BRICK) return;
     const uint bit = ((z - above_z * BRICK_Z) * BRICK_Y + (y - above_y * BRICK_Y)) * BRICK_X
                    + (x - above_x * BRICK_X);
     set_bit(sink, sink->marks + (ulong)brick * BRICK_WORDS + bit / 32, 1u << (bit % 32));
 }
 
+#if BRICK_X == 8 && BRICK_Y == 8 && BRICK_Z == 8
+
+#define TAKES_BLOCKS
+
+/* A face of a brick is two words, and a block lies in eight bricks at most: its faces are shifted
+ * to theirs. */
+static inline void mark_part(Sink *sink, const Block *block, const int x, const int y, const int z)
+{
+    const uint brick = brick_below(sink, x, y, z);
+    if (brick == NO_BRICK) return;
+    const int right_x = 8 * x - block->first.x;
+    const int right = 8 * (8 * y - block->first.y) + right_x;
+    const uint row = 255u << max(-right_x, 0) >> max(right_x, 0) & 255u;
+    __global uint *word = sink->marks + (ulong)brick * BRICK_WORDS;
+    const int last = min(block->to.z, 8 * z + 7);
+    for (int k = max(block->from.z, 8 * z); k <= last; ++k) {
+        const ulong face = block->faces[k - block->first.z] << max(-right, 0) >> max(right, 0);
+        const ulong bits = face & row * EACH_BYTE;
+        set_bits(word + k % 8 * 2, (uint)bits);
+        set_bits(word + k % 8 * 2 + 1, (uint)(bits >> 32));
+    }
+}
+
+static inline void mark_block(Sink *sink, const Block *block, const ulong triangle)
+{
+    const int3 from = block->from / 8, to = block->to / 8;
+    for (int z = from.z; z <= to.z; ++z)
+        for (int y = from.y; y <= to.y; ++y)
+            for (int x = from.x; x <= to.x; ++x) mark_part(sink, block, x, y, z);
+}
+
+#endif
 #endif
 
 #include "boundary/visit.h"

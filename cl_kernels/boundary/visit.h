@@ -1,10 +1,11 @@
 /*
  * boundary/visit.h: every pair of a cell and a triangle that touches it.
  *
- * Each triangle walks the columns of cells in its shadow along the dominant axis of its normal, and
- * its plane bounds the cells of each column: never all cells of its box.  A triangle within one row
- * or one layer of cells takes a shorter way.  What is done with a pair is up to the sink, which
- * comes first: SINK_PARAMETERS, MAKE_SINK(grid), the type Sink, and
+ * Small triangles fill blocks of bits (boundary/block.h).  Others walk the columns of cells in
+ * their shadow along the dominant axis of their normal, and their plane bounds the cells of each
+ * column: never all cells of a box.  A triangle within one row or one layer of cells takes a
+ * shorter way.  What is done with a pair is up to the sink, which comes first: SINK_PARAMETERS,
+ * MAKE_SINK(grid), the type Sink, and
  *
  *     mark(&sink, cell, triangle)   for each pair, once
  *     finish(&sink)                 when a work-item has no more
@@ -14,9 +15,13 @@
  *
  *     mark_if(&sink, touches, cell, triangle)   for cells of the grid, touched or not
  *
+ * One that defines TAKES_BLOCKS marks all cells of a block together:
+ *
+ *     mark_block(&sink, &block, triangle)
+ *
  * Defines:    VISIT_HINT attributes of the kernels, if a sink needs any
  *             RUN        triangles in a row that one work-item does directly
- *             DIRECT     most columns of a triangle that is done directly
+ *             DIRECT     most columns of a triangle that is done directly; blocks have 64
  *             TILE       its square is about how many columns a tile has (common/tiles.h)
  *             STEP_BITS, CELL_*  (boundary/overlap.h)
  */
@@ -28,14 +33,28 @@
 #endif
 
 #include "common/tiles.h"
+#include "boundary/block.h"
 #include "boundary/flat.h"
 #include "boundary/overlap.h"
+
+#define TRIES_BLOCKS (BLOCKS_FIT && BLOCK * BLOCK <= DIRECT)
 
 #ifndef IDEMPOTENT
 static inline void mark_if(
     Sink *sink, const bool touches, const int3 cell, const ulong triangle)
 {
     if (touches) mark(sink, cell, triangle);
+}
+#endif
+
+#ifndef TAKES_BLOCKS
+static inline void mark_block(Sink *sink, const Block *block, const ulong triangle)
+{
+    for (int z = block->from.z; z <= block->to.z; ++z)
+        for (ulong left = block->faces[z - block->first.z]; left; left &= left - 1) {
+            const int bit = (int)(63 - clz(left & (0 - left)));
+            mark(sink, (int3)(block->first.x + bit % 8, block->first.y + bit / 8, z), triangle);
+        }
 }
 #endif
 
@@ -103,6 +122,23 @@ static void mark_layer(
     }
 }
 
+/* All cells that a triangle touches, block by block from cell `start` on; alone: there is one.
+ * from, to: the cells of its box in the grid. */
+static void mark_blocks(
+    Sink *sink, const int3 a, const int3 b, const int3 c, const int3 start, const int3 from,
+    const int3 to, const bool alone, const ulong triangle)
+{
+    Block block;
+    for (int z = start.z; z <= to.z; z += BLOCK)
+        for (int y = start.y; y <= to.y; y += BLOCK)
+            for (int x = start.x; x <= to.x; x += BLOCK) {
+                block.first = (int3)(x, y, z);
+                block.from = max(from, block.first);
+                block.to = min(to, block.first + (BLOCK - 1));
+                if (fill_block(&block, a, b, c, alone)) mark_block(sink, &block, triangle);
+            }
+}
+
 /* All cells that one triangle touches; or false if its columns are too many.  `flat` grows by one
  * if it has no area. */
 static bool mark_triangle(
@@ -135,7 +171,15 @@ static bool mark_triangle(
                 for (int x = from.x; x <= to.x; ++x) mark(sink, (int3)(x, y, z), triangle);
         return true;
     }
-    if (more.x == 0 || more.y == 0 || more.z == 0) {
+    const bool layer = more.x == 0 || more.y == 0 || more.z == 0;
+    /* Four cells of a layer are sooner tried than a block is filled. */
+    const bool four = layer && more.x + more.y + more.z == 2;
+    if (TRIES_BLOCKS && !four && suits_blocks(a, b, c, more)) {
+        const bool alone = fits_block(more);
+        mark_blocks(sink, a, b, c, alone ? first_cell : from & -BLOCK, from, to, alone, triangle);
+        return true;
+    }
+    if (layer) {
         const int axis = more.x == 0 ? 0 : more.y == 0 ? 1 : 2;
         const int3 first = permute(from, axis);
         const int3 last = permute(to, axis);
@@ -145,6 +189,8 @@ static bool mark_triangle(
                    box, first.z, triangle);
         return true;
     }
+    /* Few are left, and who builds the kernel waits for less. */
+    if (TRIES_BLOCKS) return false;
     Solid s;
     const int4 box = make_solid(&s, faces, vertices, triangle, grid);
     if (!is_small(box)) return false;

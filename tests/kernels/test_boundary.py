@@ -94,12 +94,53 @@ def test_devices_without_atomic_loads_mark_the_same(
 
 @pytest.mark.parametrize("make", [soup, flat_triangles])
 def test_single_triangles(session: Session, make: Callable[[int, int, int, Shape], Mesh]) -> None:
-    """One at a time, so that nothing covers what one of them misses."""
+    """One at a time, so that nothing covers what one of them misses; in blocks, and in columns."""
     vertices, faces = make(32, some(150), 8, SMALL)
     for face in faces:
         mesh = vertices, face[None]
         expected = pack_bits(touched(*mesh, 8, SMALL, (1, 1, 1)))
-        found = marked(session, mesh, 8, SMALL, (1, 1, 1))
+        for direct in (64, 63):
+            found = marked(session, mesh, 8, SMALL, (1, 1, 1), direct)
+            np.testing.assert_array_equal(found, expected, strict=True)
+
+
+def in_blocks(seed: int, count: int, bits: int, shape: Shape, cell: Shape, most: int = 8) -> Mesh:
+    """Return so many triangles of boxes up to *most* cells wide.
+
+    Most have corners near those of cells; some lie in a plane through cells' sides or across an
+    axis, and planes of others touch a cell just so.
+    """
+    rng = np.random.default_rng(seed)
+    side = np.array(cell) << bits
+    widths = rng.integers(1, most + 1, (count, 1, 3)) * rng.integers(0, 2, (count, 1, 3))
+    widths[::2] = rng.integers(1, most + 1, (len(widths[::2]), 1, 3))
+    spots = rng.uniform(-0.5, 1, (count, 1, 3)) * cell_shape(shape, cell)
+    spots = spots + rng.uniform(0, 1, (count, 3, 3)) * widths
+    near = rng.random((count, 3, 3)) < 0.6
+    corners = np.rint(np.where(near, np.rint(spots), spots) * side).astype(np.int64)
+    corners += rng.integers(-1, 2, corners.shape) * (rng.random(corners.shape) < 0.2)
+    corners -= 1 << (bits - 1)
+    return corners.reshape(-1, 3), np.arange(3 * count, dtype=np.int32).reshape(-1, 3)
+
+
+@pytest.mark.parametrize(
+    ("bits", "shape", "cell"),
+    [
+        (14, (90, 88, 100), (8, 8, 8)),
+        (11, (500, 450, 460), (64, 64, 64)),
+        (9, (40, 30, 50), (3, 2, 5)),
+        (7, (70, 11, 9), (1, 1, 1)),
+        (7, (9000, 8000, 9500), (1024, 1000, 1020)),
+        (14, (512, 600, 560), (64, 64, 64)),
+    ],
+)
+def test_triangles_in_blocks(session: Session, bits: int, shape: Shape, cell: Shape) -> None:
+    """As wide as a block can be, in voxels and in steps, and wider; or partly outside."""
+    vertices, faces = in_blocks(42, some(300), bits, shape, cell)
+    for face in faces:
+        single = vertices, face[None]
+        expected = pack_bits(touched(*single, bits, shape, cell))
+        found = marked(session, single, bits, shape, cell)
         np.testing.assert_array_equal(found, expected, strict=True)
 
 
@@ -190,6 +231,44 @@ def test_voxels_equal_the_twin(
         facets = facets_of(session, mesh)
         found = mark_voxels(session, facets, bits, shape, cells, direct=direct, tile=tile)
         edge = touched(*mesh, bits, shape, (1, 1, 1))
+        expected = pack_bricks(bricks_at(edge, boundary, brick))
+        np.testing.assert_array_equal(found.get(), expected, strict=True)
+
+
+@pytest.mark.parametrize(
+    ("bits", "shape", "cell"),
+    [
+        (7, (70, 60, 65), (1, 1, 1)),
+        (10, (600, 500, 450), (8, 8, 8)),
+        (11, (480, 550, 510), (8, 8, 8)),
+        (12, (500, 550, 480), (8, 8, 8)),
+        (11, (200, 90, 150), (3, 2, 4)),
+    ],
+)
+def test_many_blocks_hold_what_columns_do(
+    session: Session, bits: int, shape: Shape, cell: Shape
+) -> None:
+    """Columns equal the twin, which is slow with so many cells; some are too wide for blocks."""
+    vertices, faces = in_blocks(44, some(300), bits, shape, cell, 72)
+    for face in faces:
+        single = vertices, face[None]
+        blocks, columns = (marked(session, single, bits, shape, cell, n) for n in (64, 63))
+        np.testing.assert_array_equal(blocks, columns, strict=True)
+
+
+@pytest.mark.parametrize("brick", [(8, 8, 8), (8, 4, 8)])
+def test_blocks_in_bricks(session: Session, brick: Shape) -> None:
+    """A block lies in up to eight bricks; each triangle alone, in the bricks of all."""
+    bits, shape = 10, (21, 18, 23)
+    vertices, faces = in_blocks(43, some(80), bits, shape, (1, 1, 1), 12)
+    boundary = touched(vertices, faces[::3], bits, shape, brick)
+    cells = rank_cells(
+        session, session.upload(pack_bits(boundary)), cell_shape(shape, brick), brick
+    )
+    for face in faces:
+        single = vertices, face[None]
+        found = mark_voxels(session, facets_of(session, single), bits, shape, cells)
+        edge = touched(*single, bits, shape, (1, 1, 1))
         expected = pack_bricks(bricks_at(edge, boundary, brick))
         np.testing.assert_array_equal(found.get(), expected, strict=True)
 
