@@ -84,24 +84,6 @@ class Rays:
     turn_down: Integers = (0, 0, 0)
     begins: bool = False
 
-    def middle(self, samples: int) -> Rays:
-        """Return the rays through the middles of blocks of *samples* x *samples* rays."""
-        if samples == 1:
-            return self
-        right, down = (_times(step, samples) for step in (self.right, self.down))
-        turn_right, turn_down = (
-            _times(step, samples) for step in (self.turn_right, self.turn_down)
-        )
-        return replace(
-            self,
-            start=_moved(self.start, self.right, self.down, samples - 1),
-            direction=_moved(self.direction, self.turn_right, self.turn_down, samples - 1),
-            right=right,
-            down=down,
-            turn_right=turn_right,
-            turn_down=turn_down,
-        )
-
 
 @dataclass(frozen=True)
 class Plane:
@@ -134,8 +116,8 @@ class View:
     low, high : (3,) int
         The voxels that are drawn: from *low* to before *high*.
     pixel : (float, float)
-        How wide a sample is, in the mesh's unit, where rays begin, and how much wider it is at
-        each unit of length farther along the view.
+        How far apart rays are, in the mesh's unit, where they begin, and how much farther at each
+        unit of length farther along the view.
     begin : float
         How far from the eye rays begin, along the view.
     cut : Plane, optional
@@ -151,13 +133,6 @@ class View:
     pixel: tuple[float, float]
     begin: float
     cut: Plane | None = None
-
-    def middle(self, samples: int) -> View:
-        """Return the view of a ray for each *samples* x *samples* of the rays, in their middle."""
-        width, spread = self.pixel
-        return replace(
-            self, rays=self.rays.middle(samples), pixel=(width * samples, spread * samples)
-        )
 
 
 @dataclass(frozen=True)
@@ -290,7 +265,7 @@ class Camera:
         return replace(self, eye=_tuple(np.array(self.target) + moved))
 
     def view(self, grid: Grid, size: tuple[int, int]) -> View:
-        """Return the rays of a picture of *size* samples, columns and rows, in *grid*.
+        """Return the rays of a picture, *size* columns and rows of them, in *grid*.
 
         Raises
         ------
@@ -417,20 +392,6 @@ def _integer_rays(
         turn_down,
         begins=True,
     )
-
-
-def _moved(place: Integers, right: Integers, down: Integers, halves: int) -> Integers:
-    """A place after so many half steps along both."""
-    x, y, z = (
-        at + halves * (across + along) // 2
-        for at, across, along in zip(place, right, down, strict=True)
-    )
-    return x, y, z
-
-
-def _times(step: Integers, count: int) -> Integers:
-    x, y, z = step
-    return x * count, y * count, z * count
 
 
 def _box_corners(low: NDArray[np.float64], high: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -66,9 +66,9 @@ def render(
         for each body, that is for triangles which common vertices connect.  A place has the colour
         of the nearest triangle that touches its cell.
     samples : int
-        Rays along the side of a pixel, 1 to 8: more make edges smoother.
+        From 1 to 8: a pixel has *samples* x *samples* rays.  More make edges smoother.
     adaptive : bool
-        Whether pixels that hardly differ from those around them make do with one ray.
+        Whether pixels that hardly differ from those around them make do with one of their rays.
     occlusion : bool
         Whether hollows, which see little of the sky, are darker.
     density : float, optional
@@ -108,7 +108,7 @@ def render(
     coat = None if colours is None else coat_of(model, colours)
     dense = _density(model, density)
     many = int(samples)
-    view = camera.view(model.grid, (columns * many, rows * many))
+    view = camera.view(model.grid, (columns * many**2, rows * many**2))
     look: Paint | Fog
     if style == "volume":
         look = fog_of(material or Material(), dense, background, counted=absorption == "count")

@@ -133,6 +133,47 @@ def test_rays_are_saved_where_they_make_no_difference(ball: clvox.VoxelModel, st
     np.testing.assert_array_equal(few[partly], all_rays[partly])
 
 
+def wires() -> trimesh.Trimesh:
+    """Wires and fins a third of a pixel wide, nearly along the rows or columns of a picture."""
+    parts: list[trimesh.Trimesh] = []
+    for k in range(6):
+        ends = np.array([(-1, 0, 0.1 * k), (1, 0, 0.1 * k + 0.01 * k * k)])
+        parts.append(trimesh.creation.cylinder(0.0016, segment=ends, sections=6))
+        fin = trimesh.creation.box(extents=(0.003, 0.2, 0.4))
+        parts.append(fin.apply_translation((0.3111 * k - 0.8, 0.1, -0.3)))
+    together = trimesh.util.concatenate(parts)
+    assert isinstance(together, trimesh.Trimesh)
+    return together
+
+
+def test_wires_narrower_than_a_pixel_are_whole() -> None:
+    """No ray in the middle of a pixel may meet them, but each is seen from end to end."""
+    model = clvox.voxelize(wires(), resolution=1024, attributes=("edge",))
+    looking = clvox.Camera((0, -5, 0), (0, 0, 0), height=1.8)
+    few, all_rays = (
+        clvox.render(model, camera=looking, size=(320, 180), style="voxels", adaptive=adaptive)
+        for adaptive in (True, False)
+    )
+    shown = all_rays[..., 3] > 0
+    assert shown.sum() > 1000
+    assert (few[..., 3] == all_rays[..., 3])[shown].mean() > 0.995
+    # Each wire crosses each of these columns, and each fin each of these rows.
+    for line in (*few[:95, 70:250, 3].T, *few[110:135, ..., 3]):
+        assert np.count_nonzero(np.diff((line > 0).astype(int)) == 1) == 6
+
+
+def test_steep_edges_have_as_many_shades_as_a_pixel_has_rays() -> None:
+    """So that they do not look like stairs: nearly upright, level, or in between."""
+    box = trimesh.creation.box(extents=(1, 1, 1))
+    model = clvox.voxelize(box, resolution=512, attributes=("normals",))
+    for degrees in (2, 40, 88):
+        up = np.cos(np.radians(degrees)), 0, np.sin(np.radians(degrees))
+        looking = clvox.Camera((0, -5, 0), (0, 0, 0), up, height=2)
+        opacity = clvox.render(model, camera=looking, size=(120, 120))[..., 3]
+        counts = [np.count_nonzero(opacity == shade) for shade in (64, 128, 191)]
+        assert min(counts) > 0.1 * sum(counts) > 5
+
+
 def test_empty_model_is_an_empty_picture() -> None:
     for levels in ([(8, 8, 8)], [(1, 1, 1), (8, 8, 8)]):
         grid = clvox.Grid((0, 0, 0), 1.0, (8, 8, 8))
