@@ -1,5 +1,5 @@
 /*
- * raymarch/plane.h: when a ray meets a plane at any angle; clvox/camera.py says what planes are.
+ * raymarch/plane.h: when a ray meets a plane at any angle; for planes see clvox/picture_rays.py.
  *
  * Defines:    PLANE_BITS  bits behind the point of a moment, in directions
  *             TIME_BITS   bits of a moment
@@ -8,8 +8,8 @@
 #define CLVOX_PLANE_H
 
 /* The moment at which a ray meets a plane: whole * rest / slope, to PLANE_BITS bits of one
- * direction, as clvox/camera.py has it.  slope: how fast it nears the plane, above 0; whole: the
- * moments of one direction. */
+ * direction, as clvox/picture_rays.py has it.  slope: how fast it nears the plane, above 0; whole:
+ * the moments of one direction. */
 static inline long moment_at_plane(const long rest, const long slope, const long whole)
 {
     const long never = 1L << TIME_BITS, limit = never / whole;

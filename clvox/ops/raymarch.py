@@ -9,13 +9,13 @@ from typing import NamedTuple
 import numpy as np
 import pyopencl.array as cla
 
-from clvox.camera import PLANE_BITS, TIME_BITS, View
 from clvox.device import Session
 from clvox.device.session import Argument
 from clvox.ops.attributes import Touched
 from clvox.ops.beams import Beams, long4, ray_arguments
 from clvox.ops.layout import VoxelArrays, float4, int2, int4
 from clvox.ops.query import Rule
+from clvox.picture_rays import PLANE_BITS, TIME_BITS, View
 
 _MARCH = "raymarch/march.cl"
 

@@ -11,12 +11,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from clvox.camera import Camera, Plane, Rays, View
+from clvox.camera import Camera
 from clvox.device import Session
 from clvox.errors import GridError
 from clvox.grid import Grid, Shape
 from clvox.ops.layout import Cells, VoxelArrays, cell_shape
 from clvox.ops.raymarch import Hits, Pixels, Scene, march, measure_lengths
+from clvox.picture_rays import Plane, Rays, View
 from clvox.reference.multilevel import pack_bits, pack_bricks, rank
 from clvox.reference.raymarch import first_voxels, lengths, places_of_rays
 
