@@ -211,6 +211,28 @@ static inline float4 light_of(
                colour.z * (diffuse.z + emission) + white);
 }
 
+#if STORED && !LINES
+
+/* Is it inside a voxel and a half below another one?  normal: of that, in voxels. */
+static inline bool is_solid_below(
+    const int4 shape, MODEL_PARAMETERS, const int4 voxel, const float4 normal)
+{
+    const float longest = fmax(fabs(normal.x), fmax(fabs(normal.y), fabs(normal.z)));
+    const float4 down = normal * (-1.5f / longest);
+    const int x = voxel.x + convert_int_rte(down.x), y = voxel.y + convert_int_rte(down.y);
+    const int z = voxel.z + convert_int_rte(down.z);
+    if (x < 0 || y < 0 || z < 0 || x >= shape.x || y >= shape.y || z >= shape.z) return false;
+#if LEVELS == 1
+    return row_bits(MODEL_ARGUMENTS, x, y, z, 1) != 0;
+#else
+    const ulong state = cell_state(MODEL_ARGUMENTS, x / BRICK_X, y / BRICK_Y, z / BRICK_Z);
+    return cell_bits(bricks, state, place_in(x, BRICK_X), place_in(y, BRICK_Y),
+                     place_in(z, BRICK_Z), 1) != 0;
+#endif
+}
+
+#endif
+
 #if LINES
 
 /* How near a place is to the edge of the face that it lies on, as an opacity: `at` is the place in
@@ -333,10 +355,14 @@ __kernel void shade(
                 shape, MODEL_ARGUMENTS, touched, ranks, normals, voxel, at, narrow) * flip;
             /* What lies wholly inside is met only where the grid ends. */
             if (dot(stored, stored) > 0.0f) normal = stored;
-            /* A sheet is seen from both sides; at an edge the face behind it has no say. */
+            /* A sheet is seen from both sides.  Of a solid only the rim of a face behind it is:
+             * it is lit as if it were seen edge on. */
             const float towards_eye = dot(normal, view);
-            if (towards_eye < -0.35f) normal = -normal;
-            else if (towards_eye < 0.0f) normal = face;
+            if (towards_eye < -0.35f
+                && !is_solid_below(shape, MODEL_ARGUMENTS, voxel, normal * inverse))
+                normal = -normal;
+            else if (towards_eye < 0.0f)
+                normal = unit(normal - towards_eye * view + 1e-3f * face);
         }
 #else
         if (!cut) {

@@ -392,6 +392,39 @@ def test_normals_of_the_mesh_make_no_speckle() -> None:
     np.testing.assert_allclose(again, middle, atol=2)
 
 
+def test_faces_behind_a_rim_do_not_darken_it() -> None:
+    """Voxels at the far edge of a face are of the face behind it; nothing of it is seen."""
+    slab = trimesh.creation.box(extents=(10, 8, 1))
+    turn: Any = trimesh.transformations
+    slab.apply_transform(turn.rotation_matrix(0.13, (0.2, 0.4, 0.9)))
+    options: dict[str, Any] = {"size": (200, 150), "samples": 1, "occlusion": False}
+    grid = clvox.Grid.fit(slab, resolution=96)
+    for levels in (None, [grid.shape]):
+        model = clvox.voxelize(slab, grid=grid, levels=levels, attributes=("normals",))
+        image = clvox.render(model, **options)
+        columns = np.flatnonzero(opaque(image).sum(axis=0) > 20)
+        rim = opaque(image).argmax(axis=0)[columns]
+        bright = image[..., :3].mean(axis=2)
+        assert (bright[rim, columns] > 0.85 * bright[rim + 4, columns]).mean() > 0.98
+
+
+def test_a_sheet_is_seen_from_both_sides() -> None:
+    sheet = trimesh.Trimesh([(0, 0, 0), (9, 0, 1), (9, 9, 1), (0, 9, 0)], [(0, 1, 2), (0, 2, 3)])
+    model = clvox.voxelize(sheet, resolution=48, fill="surface", attributes=("normals",))
+    middles = []
+    for towards in (1, -1):
+        eye = 4.5, 4.5, 30 * towards
+        camera = clvox.Camera(eye, (4.5, 4.5, 0.5), (0, 1, 0), height=8)
+        image = clvox.render(model, camera=camera, size=(40, 40), occlusion=False)
+        middles.append(image[20, 20].astype(int))
+        assert middles[-1][:3].mean() > 100
+    flipped = sheet.copy()
+    flipped.invert()
+    other = clvox.voxelize(flipped, resolution=48, fill="surface", attributes=("normals",))
+    again = clvox.render(other, camera=camera, size=(40, 40), occlusion=False)[20, 20].astype(int)
+    np.testing.assert_allclose(again, middles[-1], atol=2)
+
+
 def test_levels_do_not_show_where_the_mesh_is_thin() -> None:
     """A plate between the middles of voxels has none inside: only touched ones are drawn."""
     plate = trimesh.creation.box(bounds=[(0, 0, 0.3), (10, 10, 0.4)])
