@@ -204,6 +204,11 @@ def test_one_voxel_is_drawn() -> None:
         ({"density": -1}, "density must be a number, 0 or more, got -1"),
         ({"background": (0, 0, 256)}, "background must be from 0 to 255"),
         ({"background": (0, 0)}, "background must be three integers, got (0, 0)"),
+        ({"background": (0, (1, 2), 0)}, "background must be three integers, got (0, (1, 2), 0)"),
+        ({"size": ((1, 2), 3)}, "size must be two integers, columns and rows, got ((1, 2), 3)"),
+        ({"samples": True}, "samples must be an integer from 1 to 8, got True"),
+        ({"camera": "front"}, "camera must be a clvox.Camera, got a str"),
+        ({"material": (1, 2, 3)}, "material must be a clvox.Material, got a tuple"),
     ],
 )
 def test_what_makes_no_sense_is_refused(
@@ -231,6 +236,12 @@ def test_voxels_too_unequal_to_draw_are_refused() -> None:
         (lambda: camera(height=-1), "height must be a number above 0, got -1"),
         (lambda: camera(fov=30, height=1), "give fov= (degrees) or height="),
         (lambda: camera(near=-1), "near must be a length, 0 or more, got -1"),
+        (lambda: camera(near="1"), "near must be a length, 0 or more, got '1'"),
+        (lambda: camera().turned(np.nan), "degrees must be a finite number, got nan"),
+        (lambda: around(aspect=0), "aspect must be a number above 0, got 0"),
+        (lambda: around(aspect=-1), "aspect must be a number above 0, got -1"),
+        (lambda: around(fov=20, parallel=True), "rays are parallel, or there is a fov"),
+        (lambda: clvox.Camera.around("part.stl"), "a camera goes around a VoxelModel, a mesh or"),
         (lambda: camera(box=((1, 1, 1), (0, 0, 0))), "box must be a lowest and a highest corner"),
         (lambda: camera(cut=((0, 0, 0), (0, 0, 0))), "cut must be a point and a normal"),
         (lambda: camera(cut=(1, 2, 3)), "cut must be a point and a normal"),
@@ -454,8 +465,47 @@ def test_turntable_is_an_animation(ball: clvox.VoxelModel, tmp_path: Any) -> Non
     with Image.open(path) as pictures:
         assert getattr(pictures, "n_frames", 1) == 4
         assert pictures.size == (40, 30)
-    with pytest.raises(clvox.GridError, match="frames must be at least 2"):
-        clvox.turntable(ball, path, frames=1)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"frames": 1}, "frames must be at least 2, an integer, got 1"),
+        ({"frames": 2.5}, "frames must be at least 2, an integer, got 2.5"),
+        ({"seconds": 0}, "seconds must be a number above 0 and below 1310, for 2 frames, got 0"),
+        ({"seconds": 1e9}, "seconds must be a number above 0 and below 1310"),
+        ({"size": (0, 0)}, "size must be from 1 to 16384 pixels a side"),
+        ({"size": 7}, "size must be two integers"),
+        ({"camera": 7}, "camera must be a clvox.Camera, got a int"),
+        ({"style": "shiny"}, "style must be one of"),
+        ({"path": "a.png"}, "a.png: the suffix must be .gif, got .png"),
+        ({"path": "none/a.gif"}, "there is no such folder"),
+        ({"model": "part.stl"}, "what is drawn must be a VoxelModel, got a str"),
+    ],
+)
+def test_turntables_that_make_no_sense_are_refused(
+    ball: clvox.VoxelModel, tmp_path: Any, options: dict[str, Any], message: str
+) -> None:
+    """And nothing is written."""
+    given = {"model": ball, "path": "a.gif", "frames": 2, "size": (8, 6), **options}
+    model, path = given.pop("model"), tmp_path / given.pop("path")
+    with pytest.raises((clvox.ClvoxError, OSError)) as refused:
+        clvox.turntable(model, path, **given)
+    assert message in str(refused.value)
+    assert not any(tmp_path.iterdir())
+
+
+def test_only_models_of_voxels_are_drawn() -> None:
+    mesh: Any = trimesh.creation.box(extents=(1, 1, 1))
+    with pytest.raises(clvox.GridError, match=r"got a Trimesh; clvox\.voxelize makes one"):
+        clvox.render(mesh)
+
+
+def test_numbers_of_numpy_are_numbers(ball: clvox.VoxelModel) -> None:
+    volume: Any = {"style": "volume", "density": np.float32(1), "samples": np.int64(1)}
+    assert clvox.render(ball, size=(8, 8), **volume).any()
+    half: Any = np.float32(0.5)
+    assert clvox.render(ball, size=(8, 8), material=clvox.Material(diffuse=half)).any()
 
 
 def test_a_camera_walks_around_its_target() -> None:
