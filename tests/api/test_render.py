@@ -455,6 +455,20 @@ def test_levels_do_not_show_where_the_mesh_is_thin() -> None:
         np.testing.assert_array_equal(opaque(one), opaque(other))
 
 
+@pytest.mark.skipif(len(clvox.devices()) < 2, reason="needs two OpenCL devices")
+@pytest.mark.parametrize("style", ["surface", "voxels", "volume"])
+def test_devices_differ_by_rounding(style: Any) -> None:
+    """By one step of a byte, in all but one of 10,000 pixels."""
+    mesh = trimesh.creation.torus(3, 1)
+    pictures = []
+    for device in clvox.devices()[:2]:
+        model = clvox.voxelize(mesh, resolution=96, attributes=("normals",), device=device)
+        pictures.append(clvox.render(model, size=(320, 200), style=style).astype(int))
+    differ = np.abs(pictures[0] - pictures[1]).max(axis=2)
+    assert np.ptp(pictures[0]) > 100
+    assert np.count_nonzero(differ > 1) <= differ.size / 10_000
+
+
 def test_notebooks_show_a_picture(ball: clvox.VoxelModel) -> None:
     assert ball._repr_png_().startswith(b"\x89PNG")
 

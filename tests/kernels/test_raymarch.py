@@ -19,7 +19,7 @@ from clvox.ops.layout import Cells, VoxelArrays, cell_shape
 from clvox.ops.raymarch import Hits, Pixels, Scene, march, measure_lengths
 from clvox.picture_rays import Plane, Rays, View
 from clvox.reference.multilevel import pack_bits, pack_bricks, rank
-from clvox.reference.raymarch import first_voxels, lengths, places_of_rays
+from clvox.reference.raymarch import _ray, first_voxels, lengths, places_of_rays
 
 SIZE = 11, 9
 BRICKS = (8, 8, 8), (2, 4, 3), (3, 5, 2), (4, 4, 4)
@@ -259,6 +259,33 @@ def test_rays_of_a_pixel_are_spread_evenly(samples: int) -> None:
 
 def by_row(place: tuple[int, int]) -> tuple[int, int]:
     return place[1], place[0]
+
+
+@pytest.mark.parametrize("lens", [{"fov": 40.0}, {"fov": 120.0}, {"height": 90.0}])
+@pytest.mark.parametrize("size", [(11, 9), (1920, 1080), (2, 16384)])
+def test_rays_are_those_of_the_camera(lens: Any, size: tuple[int, int]) -> None:
+    """Behind the grid they are at most a fiftieth of a voxel from where float64 has them."""
+    grid = Grid((1, 2, 3), (1.0, 0.5, 2.0), (100, 200, 80))
+    camera = Camera((-70, -90, 150), (50, 40, 90), (0.1, 0.2, 1), **lens)
+    columns, rows = size
+    right, above, back = camera.frame()
+    view = camera.view(grid, size)
+    if camera.fov is None:
+        assert camera.height is not None
+        wide = camera.height / rows
+    else:
+        wide = 2 * np.tan(np.radians(camera.fov) / 2) / rows
+    corners = np.array([(x, y, z) for x in (0, 1) for y in (0, 1) for z in (0, 1)])
+    depths = -(corners * np.subtract(*grid.bounds[::-1]) + grid.origin - camera.eye) @ back
+    for column, row in ((0, 0), (columns - 1, 0), (columns // 2, rows // 3), (0, rows - 1)):
+        aside = wide * ((column - (columns - 1) / 2) * right - (row - (rows - 1) / 2) * above)
+        place, direction = _ray(view.rays, column, row)
+        begin = (np.array(place) / 2.0**view.rays.bits) * grid.spacing + grid.origin
+        ahead = np.array(direction, float) * grid.spacing
+        far = float(depths.max())
+        end = begin + ahead * (((begin - camera.eye) @ back + far) / -(ahead @ back))
+        expected = camera.eye + aside * (1 if camera.fov is None else far) - far * back
+        np.testing.assert_allclose((end - expected) / grid.spacing, 0, atol=0.02)
 
 
 def test_rays_far_off_miss(session: Session) -> None:
