@@ -28,8 +28,10 @@ static inline int2 ray_of_sample(const ulong number, const int columns, const in
 {
     /* A picture has fewer than 2**32 pixels. */
     const int row = (int)((uint)number / (uint)columns), column = (int)number - row * columns;
-    /* SAMPLES + 1 has no divisor in common with PLACES: any of them in a row are all the rays. */
-    const int ray = EACH ? sample : (int)(((uint)column * (SAMPLES + 1) + (uint)row) % PLACES);
+    /* SAMPLES + 1 has no divisor in common with PLACES: any of them in a row are all the rays.  The
+     * first pixel of all has one near its middle, lest a picture of one pixel be empty. */
+    const uint turn = (uint)(column + SAMPLES / 2) * (SAMPLES + 1) + (uint)row;
+    const int ray = EACH ? sample : (int)(turn % PLACES);
     const int below = ray / SAMPLES, beside = ray - below * SAMPLES;
     return (int2)(column * PLACES + beside * SAMPLES + SAMPLES - 1 - below,
                   row * PLACES + below * SAMPLES + beside);

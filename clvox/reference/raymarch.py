@@ -287,7 +287,7 @@ def places_of_rays(column: int, row: int, samples: int) -> list[tuple[int, int]]
         for j in range(samples)
         for i in range(samples)
     ]
-    first = ((samples + 1) * column + row) % side
+    first = ((samples + 1) * (column + samples // 2) + row) % side
     return places[first:] + places[:first]
 
 

@@ -189,6 +189,8 @@ def test_one_voxel_is_drawn() -> None:
     image = clvox.render(model, size=SIZE)
     assert opaque(image).mean() > 0.2
     assert image[opaque(image)][:, :3].min() > 20
+    for samples in (1, 2, 3, 8):
+        assert clvox.render(model, size=(1, 1), samples=samples)[0, 0, 3] > 0
 
 
 @pytest.mark.parametrize(
