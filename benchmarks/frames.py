@@ -35,7 +35,7 @@ def contestants(
     caster = peers.ray_caster()
     if caster is not None:
         scene = caster.scene(np.array(surface.vertices), surface.faces)
-        rays = caster.tensor(_rays(camera, size))
+        rays = caster.tensor(camera_rays(camera, size))
         ways.append(Contestant("Open3D, cast of the mesh", lambda: scene.cast_rays(rays)))
     window = _vtk_window(model, camera, size) if dense else None
     if window is not None:
@@ -43,7 +43,7 @@ def contestants(
     return ways
 
 
-def _rays(camera: clvox.Camera, size: tuple[int, int]) -> NDArray[np.float32]:
+def camera_rays(camera: clvox.Camera, size: tuple[int, int]) -> NDArray[np.float32]:
     """Origins and directions, (rows, columns, 6)."""
     columns, rows = size
     right, above, back = camera.frame()

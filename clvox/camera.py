@@ -79,7 +79,7 @@ class Camera:
             object.__setattr__(self, "fov", _number("fov", fov, 0.0, 170.0))
         else:
             object.__setattr__(self, "height", _number("height", self.height, 0.0))
-        if not 0 <= self.near < math.inf:
+        if not isinstance(self.near, int | float | np.number) or not 0 <= self.near < math.inf:
             raise GridError(f"near must be a length, 0 or more, got {self.near!r}")
         if self.box is not None:
             low, high = _corners(self.box)
@@ -113,7 +113,20 @@ class Camera:
             Whether rays are to be parallel.
         aspect : float
             Width of the picture by its height.
+
+        Raises
+        ------
+        GridError
+            There is nothing to look at, or numbers make no sense.
         """
+        if getattr(model, "bounds", None) is None:
+            raise GridError(
+                "a camera goes around a VoxelModel, a mesh or a grid, got "
+                f"{type(model).__name__} without bounds"
+            )
+        if parallel and fov is not None:
+            raise GridError(f"rays are parallel, or there is a fov: got parallel=True, fov={fov!r}")
+        aspect = _number("aspect", aspect, 0.0)
         low, high = np.asarray(model.bounds, dtype=np.float64)
         # A trimesh.Trimesh has an `outline`, too: a method that draws.
         outline = getattr(model, "outline", None)
@@ -148,6 +161,8 @@ class Camera:
 
     def turned(self, degrees: float) -> Camera:
         """Return the camera after a walk around its target, about the direction *up*."""
+        if not isinstance(degrees, int | float | np.number) or not math.isfinite(degrees):
+            raise GridError(f"degrees must be a finite number, got {degrees!r}")
         turn, axis = math.radians(degrees), _unit("up", self.up)
         away = np.array(self.eye) - np.array(self.target)
         along = axis * (axis @ away)
@@ -155,7 +170,7 @@ class Camera:
         return replace(self, eye=_tuple(np.array(self.target) + moved))
 
     def view(self, grid: Grid, size: tuple[int, int]) -> View:
-        """Return the rays of a picture of *size* samples, columns and rows, in *grid*.
+        """Return the rays of a picture, *size* columns and rows of them, in *grid*.
 
         Raises
         ------

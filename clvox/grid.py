@@ -160,7 +160,10 @@ class Grid:
         -------
         (n, 3) int32
         """
-        where = np.ascontiguousarray(points, dtype=np.float64)
+        try:
+            where = np.ascontiguousarray(points, dtype=np.float64)
+        except (TypeError, ValueError) as error:
+            raise GridError(f"points must be numbers of the shape (n, 3): {error}") from error
         if where.ndim != 2 or where.shape[1] != 3:
             raise GridError(f"points must have the shape (n, 3), got {where.shape}")
         cells = np.empty(where.shape, dtype=np.int32)

@@ -7,7 +7,7 @@ voxel (0, 0, 0).
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
@@ -50,7 +50,7 @@ PLANE_NORMAL_BITS = 24
 
 @dataclass(frozen=True)
 class Rays:
-    """The rays of a picture, one for each sample, in integers.
+    """The rays of a picture, in columns and rows, in integers.
 
     The ray of column u and row v runs through the place ``(start + u * right + v * down) >>
     fraction``, in steps of 2**-bits voxels, along ``(direction + u * turn_right + v * turn_down)
@@ -73,24 +73,6 @@ class Rays:
     turn_right: Integers = (0, 0, 0)
     turn_down: Integers = (0, 0, 0)
     begins: bool = False
-
-    def middle(self, samples: int) -> Rays:
-        """Return the rays through the middles of blocks of *samples* x *samples* rays."""
-        if samples == 1:
-            return self
-        right, down = (_times(step, samples) for step in (self.right, self.down))
-        turn_right, turn_down = (
-            _times(step, samples) for step in (self.turn_right, self.turn_down)
-        )
-        return replace(
-            self,
-            start=_moved(self.start, self.right, self.down, samples - 1),
-            direction=_moved(self.direction, self.turn_right, self.turn_down, samples - 1),
-            right=right,
-            down=down,
-            turn_right=turn_right,
-            turn_down=turn_down,
-        )
 
 
 @dataclass(frozen=True)
@@ -124,8 +106,8 @@ class View:
     low, high : (3,) int
         The voxels that are drawn: from *low* to before *high*.
     pixel : (float, float)
-        How wide a sample is, in the mesh's unit, where rays begin, and how much wider it is at
-        each unit of length farther along the view.
+        How far apart rays are, in the mesh's unit, where they begin, and how much farther at each
+        unit of length farther along the view.
     begin : float
         How far from the eye rays begin, along the view.
     cut : Plane, optional
@@ -141,13 +123,6 @@ class View:
     pixel: tuple[float, float]
     begin: float
     cut: Plane | None = None
-
-    def middle(self, samples: int) -> View:
-        """Return the view of a ray for each *samples* x *samples* of the rays, in their middle."""
-        width, spread = self.pixel
-        return replace(
-            self, rays=self.rays.middle(samples), pixel=(width * samples, spread * samples)
-        )
 
 
 def integer_rays(
@@ -229,17 +204,3 @@ def integers(values: NDArray[np.float64]) -> Integers:
     """Return three numbers, rounded."""
     x, y, z = (round(value) for value in values.tolist())
     return x, y, z
-
-
-def _moved(place: Integers, right: Integers, down: Integers, halves: int) -> Integers:
-    """A place after so many half steps along both."""
-    x, y, z = (
-        at + halves * (across + along) // 2
-        for at, across, along in zip(place, right, down, strict=True)
-    )
-    return x, y, z
-
-
-def _times(step: Integers, count: int) -> Integers:
-    x, y, z = step
-    return x * count, y * count, z * count

@@ -9,9 +9,9 @@
  * Tests:      tests/kernels/test_raymarch.py
  * Defines:    LEVELS, RULE, BRICK_*, MIDDLE_*  (common/model.h)
  *             LENGTHS  0: the first voxel that the rule takes; 1: the length within such voxels
- *             TILE     rays along the side of a tile that `starts` knows of; 0 without
+ *             TILE     places along the side of a tile that `starts` knows of; 0 without
  *             BLOCK_*  cells along the sides of a block, if TILE is not 0
- *             LISTED, SAMPLES  (raymarch/samples.h)
+ *             LISTED, SAMPLES, EACH  (raymarch/samples.h)
  *             PLANE    1: a plane cuts something away; with PLANE_BITS and TIME_BITS
  *             STATES   1: blocks are cells, and one word tells all about each
  * Source:     after Amanatides and Woo, "A fast voxel traversal algorithm for ray tracing",
@@ -107,7 +107,7 @@ static inline long moment_beyond(
  * shape: voxels of the grid; columns: cells of voxels along each axis, the voxels themselves in a
  * dense grid; low, high: the voxels that are drawn; plane: if PLANE is set, its normal, and what
  * the product of that and a place is at most.
- * starts: (tiles,) float32, for each tile of TILE x TILE rays how far nothing is met, in
+ * starts: (tiles,) float32, for each tile of TILE x TILE places how far nothing is met, in
  * directions; INFINITY if nothing is met at all.  blocks, distances: shape of the grid of blocks,
  * and for each how far it is from one that is not empty.  None of the three is read unless TILE is
  * set.  states: (cells,) uint32 as merge() in distances.cl leaves them, read if STATES is set.
@@ -122,10 +122,9 @@ __kernel void march(
     __global int *restrict hits, __global float *restrict far)
 {
     const ulong id = get_global_id(0);
-    const ulong item = id / (SAMPLES * SAMPLES);
+    const ulong item = id / RAYS;
     if (item >= pixel_count) return;
-    const int2 ray = ray_of_sample(
-        NUMBER_OF_PIXEL(item), picture.x, (int)(id - item * (SAMPLES * SAMPLES)));
+    const int2 ray = ray_of_sample(NUMBER_OF_PIXEL(item), picture.x, (int)(id - item * RAYS));
     const int row = ray.y, column = ray.x;
 #if LENGTHS
     far[id] = 0.0f;
@@ -136,7 +135,7 @@ __kernel void march(
     far[id] = INFINITY;
 #endif
 #if TILE
-    const int tiles = (picture.x * SAMPLES + TILE - 1) / TILE;
+    const int tiles = (picture.x * PLACES + TILE - 1) / TILE;
     const float start_at = starts[(row / TILE) * tiles + column / TILE];
     if (start_at == INFINITY) return;
 #endif

@@ -11,7 +11,7 @@
  *             from device to device
  * Tests:      tests/kernels/test_shade.py, tests/api/test_render.py
  * Defines:    LEVELS, RULE, BRICK_*, MIDDLE_*  (common/model.h)
- *             LISTED, SAMPLES  (raymarch/samples.h)
+ *             LISTED, SAMPLES, EACH  (raymarch/samples.h)
  *             WINDOW   voxels looked at on each side of a place
  *             STORED   1: there are normals; 0: they are derived
  *             LINES    1: faces of voxels are shown, and their edges drawn
@@ -211,10 +211,32 @@ static inline float4 light_of(
                colour.z * (diffuse.z + emission) + white);
 }
 
+#if STORED && !LINES
+
+/* Is it inside a voxel and a half below another one?  normal: of that, in voxels. */
+static inline bool is_solid_below(
+    const int4 shape, MODEL_PARAMETERS, const int4 voxel, const float4 normal)
+{
+    const float longest = fmax(fabs(normal.x), fmax(fabs(normal.y), fabs(normal.z)));
+    const float4 down = normal * (-1.5f / longest);
+    const int x = voxel.x + convert_int_rte(down.x), y = voxel.y + convert_int_rte(down.y);
+    const int z = voxel.z + convert_int_rte(down.z);
+    if (x < 0 || y < 0 || z < 0 || x >= shape.x || y >= shape.y || z >= shape.z) return false;
+#if LEVELS == 1
+    return row_bits(MODEL_ARGUMENTS, x, y, z, 1) != 0;
+#else
+    const ulong state = cell_state(MODEL_ARGUMENTS, x / BRICK_X, y / BRICK_Y, z / BRICK_Z);
+    return cell_bits(bricks, state, place_in(x, BRICK_X), place_in(y, BRICK_Y),
+                     place_in(z, BRICK_Z), 1) != 0;
+#endif
+}
+
+#endif
+
 #if LINES
 
 /* How near a place is to the edge of the face that it lies on, as an opacity: `at` is the place in
- * its cube, from 0 to 1, `normal` that of the face, and `wide` a sample, in the cube's sides. */
+ * its cube, from 0 to 1, `normal` that of the face, and `wide` a pixel, in the cube's sides. */
 static inline float line_at(const float4 at, const float4 normal, const float4 wide)
 {
     const float4 rest = fmin(at, 1.0f - at) / wide;
@@ -227,8 +249,8 @@ static inline float line_at(const float4 at, const float4 normal, const float4 w
                                     fabs(normal.z) > 0.99f ? INFINITY : z));
     const float widest = fmax(wide.x, fmax(wide.y, wide.z));
     /* A line is a pixel wide, and never hides more than a part of the face. */
-    const float sharp = clamp(1.3f - nearest / SAMPLES, 0.0f, 1.0f);
-    return sharp * clamp(0.3f / (widest * SAMPLES) - 1.0f, 0.0f, 1.0f);
+    const float sharp = clamp(1.3f - nearest, 0.0f, 1.0f);
+    return sharp * clamp(0.3f / widest - 1.0f, 0.0f, 1.0f);
 }
 
 static inline float part_in(const int voxel, const float at, const int side)
@@ -255,13 +277,13 @@ static inline ulong linked_cell(
 
 #endif
 
-/* One work-item colours one pixel, the mean of SAMPLES x SAMPLES rays.
+/* One work-item colours one pixel, the mean of its RAYS.
  * widths: of a voxel;
  * key_light, fill_light: where light comes from; up_of, back_of: unit vectors of the view, as they
  * are, too; cut_normal: of the plane that cuts; shape:
  * voxels of the grid.
  * phong: ambient, diffuse, specular, shininess; emission.  background: linear, and its
- * opacity.  pixel, spread: width of a sample where rays begin, and for each unit farther on.
+ * opacity.  pixel, spread: width of a pixel where rays begin, and for each unit farther on.
  * flip: -1 if normals point inwards.  colours: (4, 3) float32, linear, by what is met, and of a
  * cut.  blocks, block_side, sky_reach, sky: of clvox/ops/sky.py, if SKY.  voxels, far: as march()
  * leaves them.  touched, ranks, normals: of the touched voxels, if STORED or COLOURED.
@@ -291,10 +313,10 @@ __kernel void shade(
     /* In voxels: a power of two, so that this is what a division by its inverse would be. */
     const float one_step = 1.0f / (float)(1L << bits);
     float4 sum = (float4)(0.0f);
-    for (int sample = 0; sample < SAMPLES * SAMPLES; ++sample) {
+    for (int sample = 0; sample < RAYS; ++sample) {
         const int2 place_of_ray = ray_of_sample(number, picture.x, sample);
         const int u = place_of_ray.x, v = place_of_ray.y;
-        const ulong ray = id * (SAMPLES * SAMPLES) + sample;
+        const ulong ray = id * RAYS + sample;
         const int4 voxel = (int4)(voxels[4 * ray], voxels[4 * ray + 1], voxels[4 * ray + 2], 0);
         if (voxel.x < 0) {
             sum += over(background, (float4)(0.0f), 0.0f);
@@ -328,15 +350,19 @@ __kernel void shade(
 #if STORED
         if (!cut) {
             /* Voxels narrower than a pixel need no transitions. */
-            const bool narrow = wide * SAMPLES > 0.8f * fmax(widths.x, fmax(widths.y, widths.z));
+            const bool narrow = wide > 0.8f * fmax(widths.x, fmax(widths.y, widths.z));
             const float4 stored = normal_at(
                 shape, MODEL_ARGUMENTS, touched, ranks, normals, voxel, at, narrow) * flip;
             /* What lies wholly inside is met only where the grid ends. */
             if (dot(stored, stored) > 0.0f) normal = stored;
-            /* A sheet is seen from both sides; at an edge the face behind it has no say. */
+            /* A sheet is seen from both sides.  Of a solid only the rim of a face behind it is:
+             * it is lit as if it were seen edge on. */
             const float towards_eye = dot(normal, view);
-            if (towards_eye < -0.35f) normal = -normal;
-            else if (towards_eye < 0.0f) normal = face;
+            if (towards_eye < -0.35f
+                && !is_solid_below(shape, MODEL_ARGUMENTS, voxel, normal * inverse))
+                normal = -normal;
+            else if (towards_eye < 0.0f)
+                normal = unit(normal - towards_eye * view + 1e-3f * face);
         }
 #else
         if (!cut) {
@@ -383,5 +409,5 @@ __kernel void shade(
             normal, open, view, key_light, fill_light, up_of, phong, emission, colour);
         sum += over(background, light, 1.0f);
     }
-    store_pixel(pixels + 4 * number, sum * (1.0f / (SAMPLES * SAMPLES)));
+    store_pixel(pixels + 4 * number, sum * (1.0f / RAYS));
 }

@@ -4,14 +4,14 @@
  * Host:       clvox/ops/shading.py, shade_volume()
  * Reference:  tests/kernels/test_shade.py, in NumPy; colours may differ by rounding
  * Tests:      tests/kernels/test_shade.py
- * Defines:    LISTED, SAMPLES  (raymarch/samples.h)
+ * Defines:    LISTED, SAMPLES, EACH  (raymarch/samples.h)
  * Source:     G. Young, "Multi-level voxel representation for GPU-accelerated solid modeling",
  *             2017: a ray's colour from how much of it is inside; Beer and Lambert's law.
  */
 #include "raymarch/colours.h"
 #include "raymarch/samples.h"
 
-/* One work-item colours one pixel, the mean of SAMPLES x SAMPLES rays.
+/* One work-item colours one pixel, the mean of its RAYS.
  * picture: columns and rows of pixels; density: for each unit of length; counted: opacity is
  * density times length; thin, thick: colours where little and nearly all of the light is held
  * back; background: its colour and opacity.  lengths: (rays,) float32.
@@ -25,10 +25,10 @@ __kernel void shade_volume(
     if (id >= pixel_count) return;
     const ulong number = NUMBER_OF_PIXEL(id);
     float4 sum = (float4)(0.0f);
-    for (int sample = 0; sample < SAMPLES * SAMPLES; ++sample) {
-        const float depth = density * lengths[id * (SAMPLES * SAMPLES) + sample];
+    for (int sample = 0; sample < RAYS; ++sample) {
+        const float depth = density * lengths[id * RAYS + sample];
         const float opacity = counted ? clamp(depth, 0.0f, 1.0f) : 1.0f - exp(-depth);
         sum += over(background, mix(thin, thick, opacity), opacity);
     }
-    store_pixel(pixels + 4 * number, sum * (1.0f / (SAMPLES * SAMPLES)));
+    store_pixel(pixels + 4 * number, sum * (1.0f / RAYS));
 }

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import math
 import re
 import sys
 from collections.abc import Sequence
@@ -16,6 +17,8 @@ INFO_RESOLUTION = 256
 
 _SCALES = {"K": 10**3, "M": 10**6, "G": 10**9, "T": 10**12}
 
+_MOST_PIXELS = 16384
+"""Along a side of a picture, as `clvox.render` has it."""
 
 _SIGNED = ("--cut",)
 """Options with a list of numbers, the first of which may have a minus sign."""
@@ -27,6 +30,8 @@ def parse(argv: Sequence[str] | None) -> argparse.Namespace:
     options = parser.parse_args(_joined(sys.argv[1:] if argv is None else argv))
     if options.command == "dexelize" and options.thickness and options.axis == "xyz":
         parser.error("--thickness is of rays along one axis; --axis xyz has three")
+    if options.command == "render" and options.colours and options.style != "surface":
+        parser.error(f"--colours is for --style surface, not for {options.style}")
     if options.command in ("voxelize", "mesh", "render"):
         saved = options.file.endswith(".npz")
         asked = [options.resolution, options.pitch, options.levels]
@@ -63,6 +68,8 @@ def _plane(text: str) -> tuple[float, ...]:
         numbers = ()
     if len(numbers) not in (3, 6):
         raise argparse.ArgumentTypeError(f"{text!r} is not three or six numbers with commas")
+    if not all(map(math.isfinite, numbers)) or not any(numbers[:3]):
+        raise argparse.ArgumentTypeError(f"{text!r}: a normal is not 0,0,0, and numbers are finite")
     return numbers
 
 
@@ -276,4 +283,6 @@ def _size(text: str) -> tuple[int, int]:
         width, height = map(int, text.split("x"))
     except ValueError:
         raise argparse.ArgumentTypeError(f"WIDTHxHEIGHT is expected, got {text}") from None
+    if not 1 <= min(width, height) <= max(width, height) <= _MOST_PIXELS:
+        raise argparse.ArgumentTypeError(f"a side has 1 to {_MOST_PIXELS} pixels, got {text}")
     return width, height

@@ -45,19 +45,19 @@ def find_beams(
     arrays: VoxelArrays,
     rays: Rays,
     size: tuple[int, int],
-    samples: int = 1,
+    places: int = 1,
 ) -> Beams | None:
     """Return how far rays go before they may meet something; None if they begin nowhere.
 
-    size: columns and rows of pixels, with `samples` x `samples` rays each.
+    size: columns and rows of pixels, with `places` x `places` rays each.
     """
     if not rays.begins:
         return None
-    fine = size[0] * samples, size[1] * samples
-    starts = find_starts(session, distances, arrays.shape, rays, fine, TILE * samples)
+    fine = size[0] * places, size[1] * places
+    starts = find_starts(session, distances, arrays.shape, rays, fine, TILE * places)
     if distances.crumbs is None:
         return Beams(starts, distances, TILE)
-    starts = refine_starts(session, distances, arrays, rays, fine, starts, SMALL_TILE * samples)
+    starts = refine_starts(session, distances, arrays, rays, fine, starts, SMALL_TILE * places)
     return Beams(starts, distances, SMALL_TILE)
 
 

@@ -10,10 +10,11 @@ import pyopencl.array as cla
 
 from clvox.device import Session
 from clvox.ops.beams import Beams, find_beams
+from clvox.ops.choosing import choose_pixels
 from clvox.ops.distances import Distances, measure_distances
 from clvox.ops.layout import VoxelArrays
 from clvox.ops.raymarch import Pixels, Scene, march, measure_lengths
-from clvox.ops.shading import Coat, Fog, Paint, choose_pixels, shade, shade_volume
+from clvox.ops.shading import Coat, Fog, Paint, shade, shade_volume
 from clvox.ops.sky import Part, Sky, measure_sky
 from clvox.picture_rays import View
 
@@ -22,6 +23,9 @@ RAYS_AT_ONCE = 1 << 18
 
 DIFFERENCE = 12
 """So much a byte of a pixel differs from its neighbours' before it is worth more rays."""
+
+ROUNDS = 16
+"""So often what is found in a pixel is followed into those around it."""
 
 
 @dataclass(frozen=True)
@@ -66,7 +70,8 @@ class Drawing:
 class Picture:
     """What is drawn, and by which rays.
 
-    view: of `samples` x `samples` rays for each pixel; size: columns and rows of pixels.
+    view: of rays through all places (`Pixels`); size: columns and rows of pixels.
+    samples: root of the number of rays of a pixel.
     coat: colours of triangles, if they have some.
     """
 
@@ -82,20 +87,20 @@ def draw(picture: Picture, look: Paint | Fog, *, occlusion: bool, adaptive: bool
     """Return a picture, (rows, columns, 4) uint8, on the device.
 
     occlusion: whether hollows are darker.  adaptive: whether pixels that hardly differ from those
-    around them make do with the ray in the middle of theirs.
+    around them make do with one of their rays.
     """
     drawing, view, samples = picture.drawing, picture.view, picture.samples
     session, size = drawing.session, picture.size
-    beams = find_beams(session, drawing.distances, drawing.arrays, view.rays, size, samples)
+    beams = find_beams(session, drawing.distances, drawing.arrays, view.rays, size, samples**2)
     sky = drawing.sky_of(view) if occlusion and isinstance(look, Paint) else None
     canvas = session.empty((size[1], size[0], 4), np.uint8)
     brush = _Brush(session, picture.scene, look, beams, sky, picture.coat, canvas)
     if samples == 1 or not adaptive:
         brush.draw(view, Pixels.whole(size, samples))
         return canvas
-    brush.draw(view.middle(samples), Pixels.whole(size))
-    count, numbers = choose_pixels(session, canvas, DIFFERENCE)
-    brush.draw(view, Pixels(size, samples, 0, count, numbers))
+    brush.draw(view, Pixels.whole(size, samples, each=False))
+    for some in choose_pixels(session, canvas, DIFFERENCE, beams, ROUNDS):
+        brush.draw(view, Pixels(size, samples, some.first, some.count, some.numbers))
     return canvas
 
 
@@ -112,7 +117,7 @@ class _Brush:
     canvas: cla.Array
 
     def draw(self, view: View, pixels: Pixels) -> None:
-        """Draw pixels, some after the other; the view has as many rays for each as they have."""
+        """Draw pixels, some after the other; the view is of rays through all their places."""
         for part in pixels.parts(RAYS_AT_ONCE):
             if isinstance(self.look, Fog):
                 lengths = measure_lengths(self.session, self.scene, view, part, self.beams)

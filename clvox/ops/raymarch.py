@@ -60,7 +60,9 @@ class Hits(NamedTuple):
 class Pixels:
     """Some pixels of a picture, and how many rays there are for each.
 
-    size: columns and rows of the whole picture; samples: rays along the side of a pixel.
+    size: columns and rows of the whole picture; samples: root of the number of rays of a pixel,
+    which are among `places` x `places` of them.  each: whether all of them are followed, or one of
+    them, another one in each pixel of a row or column.
     count: pixels, from number *first* on, row by row; or, if `numbers` is given, uint32, those of
     its entries from *first* on.
     """
@@ -70,27 +72,39 @@ class Pixels:
     first: int
     count: int
     numbers: cla.Array | None = None
+    each: bool = True
 
     @classmethod
-    def whole(cls, size: tuple[int, int], samples: int = 1) -> Pixels:
+    def whole(cls, size: tuple[int, int], samples: int = 1, *, each: bool = True) -> Pixels:
         """All pixels of a picture."""
-        return cls(size, samples, 0, size[0] * size[1])
+        return cls(size, samples, 0, size[0] * size[1], each=each)
+
+    @property
+    def places(self) -> int:
+        """Places along the side of a pixel."""
+        return self.samples**2
 
     def parts(self, rays: int) -> Iterator[Pixels]:
         """The same pixels, some after the other, of about so many rays at a time."""
-        most = max(1, rays // self.samples**2)
+        most = max(1, rays // self.rays_of_each)
         for first in range(0, self.count, most):
             yield replace(self, first=self.first + first, count=min(most, self.count - first))
 
     @property
     def rays(self) -> int:
         """How many rays there are."""
-        return self.count * self.samples**2
+        return self.count * self.rays_of_each
+
+    @property
+    def rays_of_each(self) -> int:
+        """How many rays of a pixel are followed."""
+        return self.samples**2 if self.each else 1
 
     @property
     def defines(self) -> dict[str, int]:
         """What `raymarch/samples.h` is built with."""
-        return {"LISTED": int(self.numbers is not None), "SAMPLES": self.samples}
+        listed = int(self.numbers is not None)
+        return {"LISTED": listed, "SAMPLES": self.samples, "EACH": int(self.each)}
 
     def arguments(self, other: cla.Array) -> tuple[Argument, ...]:
         """PIXEL_PARAMETERS of `raymarch/samples.h`; *other* stands in for a list."""
@@ -103,7 +117,7 @@ def march(
 ) -> Hits:
     """Return the first voxel along each ray that is inside, or touched if that is known.
 
-    view: of all rays of the picture, as many as *pixels* says for each of its pixels.
+    view: of rays through all places of the picture.
     """
     voxels = session.empty((pixels.rays, 4), np.int32)
     far = session.empty(pixels.rays, np.float32)
@@ -146,7 +160,7 @@ def _follow(
         near = beams.distances
         states = near.values if near.states is None else near.states
         known = beams.starts, int4(near.shape), near.values, states
-        tile = beams.tile * pixels.samples
+        tile = beams.tile * pixels.places
         defines |= {"TILE": tile, "STATES": int(near.states is not None)}
         for name, side, cell in zip("XYZ", near.side, arrays.cell, strict=True):
             defines[f"BLOCK_{name}"] = side // cell

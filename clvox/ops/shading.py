@@ -11,14 +11,13 @@ from clvox.device import Session
 from clvox.device.session import Argument
 from clvox.ops.beams import ray_arguments
 from clvox.ops.facets import Facets
-from clvox.ops.layout import float4, int2, int4
+from clvox.ops.layout import float4, int4
 from clvox.ops.query import Rule
 from clvox.ops.raymarch import Hits, Pixels, Scene
 from clvox.ops.sky import MARGIN, Sky
 from clvox.picture_rays import View
 
 _SHADE, _VOLUME = "raymarch/shade.cl", "raymarch/shade_volume.cl"
-_CHOOSE = "raymarch/choose.cl"
 
 WINDOW = 3
 """A normal is the slope of the voxels that are at most so many away along each axis."""
@@ -127,7 +126,7 @@ def shade(
         above = int4(sky.shape), float4(sky.side), np.float32(sky.reach), sky.values
     phong = paint.ambient, paint.diffuse, paint.specular, paint.shininess
     colours = np.array(paint.colours, np.float32)
-    pixel, spread = view.pixel
+    pixel, spread = (pixels.places * part for part in view.pixel)
     facing = view.back if view.cut is None else view.cut.facing
     lights = [toward @ (view.right, view.up, view.back) for toward in TOWARD_LIGHTS]
     session.run(
@@ -140,7 +139,7 @@ def shade(
         *(np.float32(pixel), np.float32(spread), np.float32(scene.flip)),
         *(session.upload(colours), *above),
         *(hits.voxels, hits.far, *arrays.arguments(scene.edge), *kept, *coloured, canvas),
-        steps=pixels.samples**2 * (8 if stored else (2 * WINDOW + 1) ** 2),
+        steps=pixels.rays_of_each * (8 if stored else (2 * WINDOW + 1) ** 2),
     )
 
 
@@ -156,24 +155,5 @@ def shade_volume(
         pixels.count,
         *(*pixels.arguments(lengths), np.float32(fog.density), np.int32(fog.counted)),
         *(float4(fog.thin), float4(fog.thick), float4(fog.background), lengths, canvas),
-        steps=pixels.samples**2,
+        steps=pixels.rays_of_each,
     )
-
-
-def choose_pixels(session: Session, canvas: cla.Array, least: int) -> tuple[int, cla.Array]:
-    """Return which pixels differ from one of the eight around them by *least* or more in a byte.
-
-    canvas: (rows, columns, 4) uint8.
-
-    Returns
-    -------
-    count : int
-    numbers : uint32, of which the first *count* are theirs, in no particular order
-    """
-    rows, columns, _ = canvas.shape
-    listed, numbers = session.zeros(1, np.uint32), session.empty(rows * columns, np.uint32)
-    kernel = session.kernel(_CHOOSE, "choose")
-    size = int2(columns, rows)
-    items = rows * -(-columns // 4)
-    session.run(kernel, items, size, np.uint32(least), canvas, listed, numbers, steps=32)
-    return int(listed.get()[0]), numbers

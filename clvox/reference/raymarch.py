@@ -262,6 +262,35 @@ def uneven_pixels(image: NDArray[np.uint8], least: int) -> NDArray[np.bool_]:
     return uneven
 
 
+def pixels_beside(
+    image: NDArray[np.uint8], some: NDArray[np.bool_], least: int
+) -> NDArray[np.bool_]:
+    """Return which pixels differ by *least* or more, in a byte, from one of *some* around them."""
+    rows, columns, _ = image.shape
+    found = np.zeros((rows, columns), bool)
+    for row, column in np.argwhere(some):
+        around = slice(max(row - 1, 0), row + 2), slice(max(column - 1, 0), column + 2)
+        apart = np.abs(image[around].astype(int) - image[row, column]).max(axis=2)
+        found[around] |= apart >= least
+    return found & ~some
+
+
+def places_of_rays(column: int, row: int, samples: int) -> list[tuple[int, int]]:
+    """Return the columns and rows of places through which the rays of a pixel run.
+
+    A pixel has samples**2 places along a side, and as many rays, one of them in each column and row
+    of places.  That which is followed where one is enough comes first.
+    """
+    side = samples**2
+    places = [
+        (side * column + samples * i + samples - 1 - j, side * row + samples * j + i)
+        for j in range(samples)
+        for i in range(samples)
+    ]
+    first = ((samples + 1) * (column + samples // 2) + row) % side
+    return places[first:] + places[:first]
+
+
 def triangle_distances(
     place: NDArray[np.float64], corners: NDArray[np.float64]
 ) -> NDArray[np.float64]:

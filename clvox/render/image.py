@@ -66,9 +66,9 @@ def render(
         for each body, that is for triangles which common vertices connect.  A place has the colour
         of the nearest triangle that touches its cell.
     samples : int
-        Rays along the side of a pixel, 1 to 8: more make edges smoother.
+        From 1 to 8: a pixel has *samples* x *samples* rays.  More make edges smoother.
     adaptive : bool
-        Whether pixels that hardly differ from those around them make do with one ray.
+        Whether pixels that hardly differ from those around them make do with one of their rays.
     occlusion : bool
         Whether hollows, which see little of the sky, are darker.
     density : float, optional
@@ -85,7 +85,8 @@ def render(
     Raises
     ------
     GridError
-        The size, the style, a colour or a number makes no sense.
+        The size, the style, a colour or a number makes no sense, or what is given is no model, no
+        camera or no material.
     MeshError
         There are *colours*, and the model has no links to triangles.
 
@@ -96,9 +97,11 @@ def render(
     >>> clvox.render(ball, size=(64, 48)).shape
     (48, 64, 4)
     """
-    columns, rows = _size(size)
+    check_kinds(model, camera, material)
+    columns, rows = pixels_of(size)
     style = check_style(style)
-    if not isinstance(samples, int | np.integer) or not 1 <= samples <= MAX_SAMPLES:
+    whole = isinstance(samples, int | np.integer) and not isinstance(samples, bool)
+    if not whole or not 1 <= samples <= MAX_SAMPLES:
         raise GridError(f"samples must be an integer from 1 to {MAX_SAMPLES}, got {samples!r}")
     if absorption not in ("beer", "count"):
         raise GridError(f"absorption must be 'beer' or 'count', got {absorption!r}")
@@ -108,7 +111,7 @@ def render(
     coat = None if colours is None else coat_of(model, colours)
     dense = _density(model, density)
     many = int(samples)
-    view = camera.view(model.grid, (columns * many, rows * many))
+    view = camera.view(model.grid, (columns * many**2, rows * many**2))
     look: Paint | Fog
     if style == "volume":
         look = fog_of(material or Material(), dense, background, counted=absorption == "count")
@@ -135,13 +138,30 @@ def _density(model: VoxelModel, density: float | None) -> float:
     if density is None:
         low, high = model.bounds
         return DARKNESS / float(np.prod(high - low) ** (1 / 3))
-    if not isinstance(density, int | float) or not 0 <= density < float("inf"):
+    if not isinstance(density, int | float | np.number) or not 0 <= density < float("inf"):
         raise GridError(f"density must be a number, 0 or more, got {density!r}")
     return float(density)
 
 
-def _size(size: tuple[int, int]) -> tuple[int, int]:
-    numbers = np.asarray(size)
+def check_kinds(model: object, camera: object, material: object) -> None:
+    """Raise a `GridError` if something is not what its name says."""
+    if not isinstance(model, VoxelModel):
+        raise GridError(
+            f"what is drawn must be a VoxelModel, got a {type(model).__name__}; clvox.voxelize "
+            "makes one of a mesh, and DexelModel.to_voxels of dexels"
+        )
+    if not isinstance(camera, Camera | None):
+        raise GridError(f"camera must be a clvox.Camera, got a {type(camera).__name__}")
+    if not isinstance(material, Material | None):
+        raise GridError(f"material must be a clvox.Material, got a {type(material).__name__}")
+
+
+def pixels_of(size: tuple[int, int]) -> tuple[int, int]:
+    """Return columns and rows, if a picture can have so many."""
+    try:
+        numbers = np.asarray(size)
+    except ValueError:
+        numbers = np.empty(0)
     if numbers.shape != (2,) or numbers.dtype.kind not in "iu":
         raise GridError(f"size must be two integers, columns and rows, got {size!r}")
     if numbers.min() < 1 or numbers.max() > MAX_SIDE:

@@ -55,7 +55,7 @@ class Material:
             linear(name, getattr(self, name))
         for name in ("ambient", "diffuse", "specular", "shininess", "emission"):
             value = getattr(self, name)
-            if not isinstance(value, int | float) or not 0 <= value < float("inf"):
+            if not isinstance(value, int | float | np.number) or not 0 <= value < float("inf"):
                 raise GridError(f"{name} must be a number, 0 or more, got {value!r}")
 
 
@@ -100,7 +100,10 @@ def backdrop(colour: Colour | None) -> tuple[float, float, float, float]:
 
 def linear(name: str, colour: Colour) -> Linear:
     """Return a colour as amounts of light, from 0 to 1."""
-    numbers = np.asarray(colour)
+    try:
+        numbers = np.asarray(colour)
+    except ValueError:
+        numbers = np.empty(0)
     if numbers.shape != (3,) or numbers.dtype.kind not in "iu":
         raise GridError(f"{name} must be three integers, got {colour!r}")
     if numbers.min() < 0 or numbers.max() > 255:

@@ -2,19 +2,25 @@
 
 from __future__ import annotations
 
+import errno
 import os
 from dataclasses import dataclass
+from io import BytesIO
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from clvox.camera import Camera
-from clvox.errors import GridError
+from clvox.errors import FormatError, GridError
 from clvox.models import VoxelModel
-from clvox.render.image import render
+from clvox.render.image import check_kinds, pixels_of, render
 
 PAPER = 255, 255, 255
+
+MOST_SECONDS = 655
+"""A frame of a GIF file is shown for less than so long."""
 
 
 def turntable(
@@ -33,7 +39,7 @@ def turntable(
     ----------
     model : VoxelModel
     path : path
-        Of the GIF file.
+        Of the GIF file; its name ends in .gif.  It is written whole or not at all.
     camera : Camera, optional
         Where the first picture is taken from; the others about its target and *up*.  By default
         such that all of the model is seen while it turns about the z axis.
@@ -49,14 +55,31 @@ def turntable(
     Raises
     ------
     GridError
-        As `render`, or there are too few frames.
+        As `render`, or there are too few frames, or there is no time for them.
+    FormatError
+        The file's name does not end in .gif.
+    OSError
+        There is no such folder, or the file cannot be written.
     """
     from PIL import Image
 
-    if frames < 2:
-        raise GridError(f"frames must be at least 2, got {frames!r}")
-    options.setdefault("background", PAPER)
-    first = camera or Camera.around(_drum(model), aspect=size[0] / size[1])
+    target = Path(path)
+    if target.suffix.lower() != ".gif":
+        raise FormatError(f"{target}: the suffix must be .gif, got {target.suffix or 'none'}")
+    if not target.parent.is_dir():
+        raise FileNotFoundError(errno.ENOENT, "there is no such folder", str(target.parent))
+    if isinstance(frames, bool) or not isinstance(frames, int | np.integer) or frames < 2:
+        raise GridError(f"frames must be at least 2, an integer, got {frames!r}")
+    if not isinstance(seconds, int | float | np.number) or not 0 < seconds < MOST_SECONDS * frames:
+        raise GridError(
+            f"seconds must be a number above 0 and below {MOST_SECONDS * frames}, for {frames} "
+            f"frames, got {seconds!r}"
+        )
+    check_kinds(model, camera, options.get("material"))
+    columns, rows = pixels_of(size)
+    if options.get("background") is None:
+        options["background"] = PAPER
+    first = camera or Camera.around(_drum(model), aspect=columns / rows)
     pictures = [
         Image.fromarray(
             render(model, camera=first.turned(360 * number / frames), size=size, **options)
@@ -66,14 +89,21 @@ def turntable(
     # One palette for all frames, so that colours do not flicker.
     palette = pictures[0].quantize(255)
     frames_of = [picture.quantize(palette=palette) for picture in pictures]
+    file = BytesIO()
     frames_of[0].save(
-        path,
+        file,
         "GIF",
         save_all=True,
         append_images=frames_of[1:],
         duration=round(1000 * seconds / frames),
         loop=0,
     )
+    partial = target.with_name(f"{target.name}.partial")
+    try:
+        partial.write_bytes(file.getvalue())
+        partial.replace(target)
+    finally:
+        partial.unlink(missing_ok=True)
 
 
 @dataclass(frozen=True)

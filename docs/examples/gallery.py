@@ -1,17 +1,19 @@
 """Pictures of a part and of a knot in every style; with --large, those of the guide.
 
-With CLVOX_DATA naming a folder of models, also of parts and scans in it.
+With CLVOX_DATA naming a folder of models also those of the gallery, of parts and scans in it.
 """
 
 from __future__ import annotations
 
 import os
 import sys
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import trimesh
+from numpy.typing import NDArray
 from PIL import Image
 
 import clvox
@@ -22,14 +24,21 @@ RESOLUTION = 640 if LARGE else 64
 WHITE = 255, 255, 255
 BOTH = "normals", "links"
 
-MODELS = {
-    "machined": "parts/nist_machined_part_pmi4_119k.stl.gz",
-    "housings": "parts/counter_housings_84k.stl.gz",
-    "gear": "csg/gear_48_teeth.ref.stl",
-    "head": "scans/mri_head_brain_t1_iso_262k.ply.gz",
-    "brain": "scans/mri_white_matter_iso_633k.ply.gz",
+BRAIN = "scans/mri_white_matter_iso_633k.ply.gz"
+FROM_THE_SIDE = -0.8, -0.75, -0.35
+CORTEX = clvox.Material(color=(224, 182, 164), cut_color=(176, 72, 66), specular=0.15)
+STEEL = clvox.Material(color=(168, 174, 182), specular=0.5, shininess=50)
+BRASS = clvox.Material(color=(196, 160, 82), specular=0.6, shininess=60)
+
+MODELS: dict[str, tuple[str, dict[str, Any]]] = {
+    "gear": ("csg/gear_48_teeth.ref.stl", {"material": BRASS}),
+    "housing": ("parts/nist_machined_part_pmi2_28k.stl.gz", {"material": STEEL}),
+    "drive": ("awkward/cycloidal_drive_100_bodies.ply", {"colours": "bodies"}),
+    "sponge": ("awkward/menger_sponge_level3.glb", {"cut": (1, -1, 1)}),
+    "brain": (BRAIN, {"material": CORTEX, "direction": FROM_THE_SIDE}),
+    "halves": (BRAIN, {"material": CORTEX, "direction": FROM_THE_SIDE, "cut": (1, 0, 0)}),
 }
-"""Of the folder: NIST's parts are in the public domain, the housings are from trimesh (MIT)."""
+"""Files of the folder, and how they are shown; docs/guide/gallery.md says whose they are."""
 
 folder = Path("gallery")
 folder.mkdir(exist_ok=True)
@@ -69,16 +78,48 @@ def chain() -> trimesh.Trimesh:
     return trimesh.util.concatenate(rings)
 
 
-def draw(name: str, model: clvox.VoxelModel, **options: object) -> None:
+def draw(name: str, model: clvox.VoxelModel, size: tuple[int, int] = SIZE, **options: Any) -> None:
     """Write one picture."""
-    image = clvox.render(model, size=SIZE, background=WHITE, **options)
+    image = clvox.render(model, size=size, background=WHITE, **options)
     picture = Image.fromarray(image).convert("RGB").quantize(255)
     picture.save(folder / f"{name}.png", optimize=True)
 
 
-def view(model: object, **options: object) -> clvox.Camera:
+def view(model: object, **options: Any) -> clvox.Camera:
     """The default camera for pictures of this size."""
     return clvox.Camera.around(model, aspect=SIZE[0] / SIZE[1], **options)
+
+
+@dataclass
+class Kept:
+    """What of a model is on one side of a plane through its middle, for a camera around it."""
+
+    model: clvox.VoxelModel
+    normal: tuple[float, float, float]
+
+    @property
+    def middle(self) -> NDArray[np.float64]:
+        """A point of the plane."""
+        middle: NDArray[np.float64] = self.model.bounds.mean(axis=0)
+        return middle
+
+    @property
+    def outline(self) -> NDArray[np.float64]:
+        """Points around it; the plane's own, too."""
+        points, normal = self.model.outline, np.array(self.normal)
+        away = (points - self.middle) @ normal
+        beyond = points[away > 0] - np.outer(away[away > 0] / (normal @ normal), normal)
+        low, high = self.model.bounds
+        return np.concatenate([points[away <= 0], beyond.clip(low, high)])
+
+    @property
+    def bounds(self) -> NDArray[np.float64]:
+        """Lowest and highest corner."""
+        return np.stack([self.outline.min(axis=0), self.outline.max(axis=0)])
+
+    def seen(self, **options: Any) -> clvox.Camera:
+        """A camera that shows it as large as can be."""
+        return replace(view(self, **options), cut=(self.middle, self.normal))
 
 
 part = clvox.voxelize("part.stl", resolution=RESOLUTION, attributes=("normals",))
@@ -93,15 +134,17 @@ lower = clvox.Grid(half[0], np.subtract(half[1], half[0]), (1, 1, 1))
 opened = replace(view(lower), box=half)
 draw("cut", knot, camera=opened)
 
-slanted = replace(view(part), cut=(part.bounds.mean(axis=0), (0.35, -1, 0.3)))
-draw("plane", part, camera=slanted)
+draw("plane", part, camera=Kept(part, (0.35, -1, 0.3)).seen())
 draw("bodies", clvox.voxelize(chain(), resolution=RESOLUTION, attributes=BOTH), colours="bodies")
 
 coarse = clvox.voxelize(trefoil(), resolution=96, attributes=("edge",))
 draw("voxels", coarse, style="voxels", camera=opened)
 
 data = os.environ.get("CLVOX_DATA")
-for name, file in MODELS.items() if data and LARGE else ():
-    mesh = clvox.load(Path(data) / file)
-    draw(name, clvox.voxelize(mesh, resolution=RESOLUTION, attributes=("normals",)))
+for name, (file, how) in MODELS.items() if data and LARGE else ():
+    model = clvox.voxelize(Path(data) / file, resolution=RESOLUTION, attributes=BOTH)
+    looking = {"direction": how.pop("direction")} if "direction" in how else {}
+    cut = how.pop("cut", None)
+    camera = view(model, **looking) if cut is None else Kept(model, cut).seen(**looking)
+    draw(name, model, (480, 300), camera=camera, **how)
 print(*sorted(path.name for path in folder.iterdir()))

@@ -133,6 +133,47 @@ def test_rays_are_saved_where_they_make_no_difference(ball: clvox.VoxelModel, st
     np.testing.assert_array_equal(few[partly], all_rays[partly])
 
 
+def wires() -> trimesh.Trimesh:
+    """Wires and fins a third of a pixel wide, nearly along the rows or columns of a picture."""
+    parts: list[trimesh.Trimesh] = []
+    for k in range(6):
+        ends = np.array([(-1, 0, 0.1 * k), (1, 0, 0.1 * k + 0.01 * k * k)])
+        parts.append(trimesh.creation.cylinder(0.0016, segment=ends, sections=6))
+        fin = trimesh.creation.box(extents=(0.003, 0.2, 0.4))
+        parts.append(fin.apply_translation((0.3111 * k - 0.8, 0.1, -0.3)))
+    together = trimesh.util.concatenate(parts)
+    assert isinstance(together, trimesh.Trimesh)
+    return together
+
+
+def test_wires_narrower_than_a_pixel_are_whole() -> None:
+    """No ray in the middle of a pixel may meet them, but each is seen from end to end."""
+    model = clvox.voxelize(wires(), resolution=1024, attributes=("edge",))
+    looking = clvox.Camera((0, -5, 0), (0, 0, 0), height=1.8)
+    few, all_rays = (
+        clvox.render(model, camera=looking, size=(320, 180), style="voxels", adaptive=adaptive)
+        for adaptive in (True, False)
+    )
+    shown = all_rays[..., 3] > 0
+    assert shown.sum() > 1000
+    assert (few[..., 3] == all_rays[..., 3])[shown].mean() > 0.995
+    # Each wire crosses each of these columns, and each fin each of these rows.
+    for line in (*few[:95, 70:250, 3].T, *few[110:135, ..., 3]):
+        assert np.count_nonzero(np.diff((line > 0).astype(int)) == 1) == 6
+
+
+def test_steep_edges_have_as_many_shades_as_a_pixel_has_rays() -> None:
+    """So that they do not look like stairs: nearly upright, level, or in between."""
+    box = trimesh.creation.box(extents=(1, 1, 1))
+    model = clvox.voxelize(box, resolution=512, attributes=("normals",))
+    for degrees in (2, 40, 88):
+        up = np.cos(np.radians(degrees)), 0, np.sin(np.radians(degrees))
+        looking = clvox.Camera((0, -5, 0), (0, 0, 0), up, height=2)
+        opacity = clvox.render(model, camera=looking, size=(120, 120))[..., 3]
+        counts = [np.count_nonzero(opacity == shade) for shade in (64, 128, 191)]
+        assert min(counts) > 0.1 * sum(counts) > 5
+
+
 def test_empty_model_is_an_empty_picture() -> None:
     for levels in ([(8, 8, 8)], [(1, 1, 1), (8, 8, 8)]):
         grid = clvox.Grid((0, 0, 0), 1.0, (8, 8, 8))
@@ -148,6 +189,8 @@ def test_one_voxel_is_drawn() -> None:
     image = clvox.render(model, size=SIZE)
     assert opaque(image).mean() > 0.2
     assert image[opaque(image)][:, :3].min() > 20
+    for samples in (1, 2, 3, 8):
+        assert clvox.render(model, size=(1, 1), samples=samples)[0, 0, 3] > 0
 
 
 @pytest.mark.parametrize(
@@ -163,6 +206,11 @@ def test_one_voxel_is_drawn() -> None:
         ({"density": -1}, "density must be a number, 0 or more, got -1"),
         ({"background": (0, 0, 256)}, "background must be from 0 to 255"),
         ({"background": (0, 0)}, "background must be three integers, got (0, 0)"),
+        ({"background": (0, (1, 2), 0)}, "background must be three integers, got (0, (1, 2), 0)"),
+        ({"size": ((1, 2), 3)}, "size must be two integers, columns and rows, got ((1, 2), 3)"),
+        ({"samples": True}, "samples must be an integer from 1 to 8, got True"),
+        ({"camera": "front"}, "camera must be a clvox.Camera, got a str"),
+        ({"material": (1, 2, 3)}, "material must be a clvox.Material, got a tuple"),
     ],
 )
 def test_what_makes_no_sense_is_refused(
@@ -190,6 +238,12 @@ def test_voxels_too_unequal_to_draw_are_refused() -> None:
         (lambda: camera(height=-1), "height must be a number above 0, got -1"),
         (lambda: camera(fov=30, height=1), "give fov= (degrees) or height="),
         (lambda: camera(near=-1), "near must be a length, 0 or more, got -1"),
+        (lambda: camera(near="1"), "near must be a length, 0 or more, got '1'"),
+        (lambda: camera().turned(np.nan), "degrees must be a finite number, got nan"),
+        (lambda: around(aspect=0), "aspect must be a number above 0, got 0"),
+        (lambda: around(aspect=-1), "aspect must be a number above 0, got -1"),
+        (lambda: around(fov=20, parallel=True), "rays are parallel, or there is a fov"),
+        (lambda: clvox.Camera.around("part.stl"), "a camera goes around a VoxelModel, a mesh or"),
         (lambda: camera(box=((1, 1, 1), (0, 0, 0))), "box must be a lowest and a highest corner"),
         (lambda: camera(cut=((0, 0, 0), (0, 0, 0))), "cut must be a point and a normal"),
         (lambda: camera(cut=(1, 2, 3)), "cut must be a point and a normal"),
@@ -351,6 +405,39 @@ def test_normals_of_the_mesh_make_no_speckle() -> None:
     np.testing.assert_allclose(again, middle, atol=2)
 
 
+def test_faces_behind_a_rim_do_not_darken_it() -> None:
+    """Voxels at the far edge of a face are of the face behind it; nothing of it is seen."""
+    slab = trimesh.creation.box(extents=(10, 8, 1))
+    turn: Any = trimesh.transformations
+    slab.apply_transform(turn.rotation_matrix(0.13, (0.2, 0.4, 0.9)))
+    options: dict[str, Any] = {"size": (200, 150), "samples": 1, "occlusion": False}
+    grid = clvox.Grid.fit(slab, resolution=96)
+    for levels in (None, [grid.shape]):
+        model = clvox.voxelize(slab, grid=grid, levels=levels, attributes=("normals",))
+        image = clvox.render(model, **options)
+        columns = np.flatnonzero(opaque(image).sum(axis=0) > 20)
+        rim = opaque(image).argmax(axis=0)[columns]
+        bright = image[..., :3].mean(axis=2)
+        assert (bright[rim, columns] > 0.85 * bright[rim + 4, columns]).mean() > 0.98
+
+
+def test_a_sheet_is_seen_from_both_sides() -> None:
+    sheet = trimesh.Trimesh([(0, 0, 0), (9, 0, 1), (9, 9, 1), (0, 9, 0)], [(0, 1, 2), (0, 2, 3)])
+    model = clvox.voxelize(sheet, resolution=48, fill="surface", attributes=("normals",))
+    middles = []
+    for towards in (1, -1):
+        eye = 4.5, 4.5, 30 * towards
+        camera = clvox.Camera(eye, (4.5, 4.5, 0.5), (0, 1, 0), height=8)
+        image = clvox.render(model, camera=camera, size=(40, 40), occlusion=False)
+        middles.append(image[20, 20].astype(int))
+        assert middles[-1][:3].mean() > 100
+    flipped = sheet.copy()
+    flipped.invert()
+    other = clvox.voxelize(flipped, resolution=48, fill="surface", attributes=("normals",))
+    again = clvox.render(other, camera=camera, size=(40, 40), occlusion=False)[20, 20].astype(int)
+    np.testing.assert_allclose(again, middles[-1], atol=2)
+
+
 def test_levels_do_not_show_where_the_mesh_is_thin() -> None:
     """A plate between the middles of voxels has none inside: only touched ones are drawn."""
     plate = trimesh.creation.box(bounds=[(0, 0, 0.3), (10, 10, 0.4)])
@@ -370,6 +457,20 @@ def test_levels_do_not_show_where_the_mesh_is_thin() -> None:
         np.testing.assert_array_equal(opaque(one), opaque(other))
 
 
+@pytest.mark.skipif(len(clvox.devices()) < 2, reason="needs two OpenCL devices")
+@pytest.mark.parametrize("style", ["surface", "voxels", "volume"])
+def test_devices_differ_by_rounding(style: Any) -> None:
+    """By one step of a byte, in all but one of 10,000 pixels."""
+    mesh = trimesh.creation.torus(3, 1)
+    pictures = []
+    for device in clvox.devices()[:2]:
+        model = clvox.voxelize(mesh, resolution=96, attributes=("normals",), device=device)
+        pictures.append(clvox.render(model, size=(320, 200), style=style).astype(int))
+    differ = np.abs(pictures[0] - pictures[1]).max(axis=2)
+    assert np.ptp(pictures[0]) > 100
+    assert np.count_nonzero(differ > 1) <= differ.size / 10_000
+
+
 def test_notebooks_show_a_picture(ball: clvox.VoxelModel) -> None:
     assert ball._repr_png_().startswith(b"\x89PNG")
 
@@ -380,8 +481,47 @@ def test_turntable_is_an_animation(ball: clvox.VoxelModel, tmp_path: Any) -> Non
     with Image.open(path) as pictures:
         assert getattr(pictures, "n_frames", 1) == 4
         assert pictures.size == (40, 30)
-    with pytest.raises(clvox.GridError, match="frames must be at least 2"):
-        clvox.turntable(ball, path, frames=1)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"frames": 1}, "frames must be at least 2, an integer, got 1"),
+        ({"frames": 2.5}, "frames must be at least 2, an integer, got 2.5"),
+        ({"seconds": 0}, "seconds must be a number above 0 and below 1310, for 2 frames, got 0"),
+        ({"seconds": 1e9}, "seconds must be a number above 0 and below 1310"),
+        ({"size": (0, 0)}, "size must be from 1 to 16384 pixels a side"),
+        ({"size": 7}, "size must be two integers"),
+        ({"camera": 7}, "camera must be a clvox.Camera, got a int"),
+        ({"style": "shiny"}, "style must be one of"),
+        ({"path": "a.png"}, "a.png: the suffix must be .gif, got .png"),
+        ({"path": "none/a.gif"}, "there is no such folder"),
+        ({"model": "part.stl"}, "what is drawn must be a VoxelModel, got a str"),
+    ],
+)
+def test_turntables_that_make_no_sense_are_refused(
+    ball: clvox.VoxelModel, tmp_path: Any, options: dict[str, Any], message: str
+) -> None:
+    """And nothing is written."""
+    given = {"model": ball, "path": "a.gif", "frames": 2, "size": (8, 6), **options}
+    model, path = given.pop("model"), tmp_path / given.pop("path")
+    with pytest.raises((clvox.ClvoxError, OSError)) as refused:
+        clvox.turntable(model, path, **given)
+    assert message in str(refused.value)
+    assert not any(tmp_path.iterdir())
+
+
+def test_only_models_of_voxels_are_drawn() -> None:
+    mesh: Any = trimesh.creation.box(extents=(1, 1, 1))
+    with pytest.raises(clvox.GridError, match=r"got a Trimesh; clvox\.voxelize makes one"):
+        clvox.render(mesh)
+
+
+def test_numbers_of_numpy_are_numbers(ball: clvox.VoxelModel) -> None:
+    volume: Any = {"style": "volume", "density": np.float32(1), "samples": np.int64(1)}
+    assert clvox.render(ball, size=(8, 8), **volume).any()
+    half: Any = np.float32(0.5)
+    assert clvox.render(ball, size=(8, 8), material=clvox.Material(diffuse=half)).any()
 
 
 def test_a_camera_walks_around_its_target() -> None:

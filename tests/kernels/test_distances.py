@@ -136,18 +136,18 @@ def test_starts_change_nothing(session: Session, seed: int, parallel: bool, most
     height = float((high - low).max()) if parallel else None
     camera = Camera(tuple(eye), tuple(target), tuple(rng.normal(size=3)), height=height)
     samples = int(rng.integers(1, 3))
-    view = camera.view(grid, (SIZE[0] * samples, SIZE[1] * samples))
+    view = camera.view(grid, (SIZE[0] * samples**2, SIZE[1] * samples**2))
     scene = Scene(arrays, grid.spacing, touched)
     distances = measure_distances(session, arrays, scene.edge, most_blocks=most)
-    beams = find_beams(session, distances, arrays, view.rays, SIZE, samples)
-    pictures = [(view, Pixels.whole(SIZE, samples)), (view.middle(samples), Pixels.whole(SIZE))]
-    for seen, pixels in pictures:
-        hits = [march(session, scene, seen, pixels, known) for known in (None, beams)]
+    beams = find_beams(session, distances, arrays, view.rays, SIZE, samples**2)
+    for each in (False, True):
+        pixels = Pixels.whole(SIZE, samples, each=each)
+        hits = [march(session, scene, view, pixels, known) for known in (None, beams)]
         first, second = (found.voxels.get() for found in hits)
         # What is met is the same; along which axis may differ where a ray begins in the voxel.
         np.testing.assert_array_equal(first[..., :3], second[..., :3])
         lengths = [
-            measure_lengths(session, scene, seen, pixels, known).get() for known in (None, beams)
+            measure_lengths(session, scene, view, pixels, known).get() for known in (None, beams)
         ]
         np.testing.assert_array_equal(lengths[0], lengths[1])
 

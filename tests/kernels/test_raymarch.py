@@ -19,7 +19,7 @@ from clvox.ops.layout import Cells, VoxelArrays, cell_shape
 from clvox.ops.raymarch import Hits, Pixels, Scene, march, measure_lengths
 from clvox.picture_rays import Plane, Rays, View
 from clvox.reference.multilevel import pack_bits, pack_bricks, rank
-from clvox.reference.raymarch import _ray, first_voxels, lengths
+from clvox.reference.raymarch import _ray, first_voxels, lengths, places_of_rays
 
 SIZE = 11, 9
 BRICKS = (8, 8, 8), (2, 4, 3), (3, 5, 2), (4, 4, 4)
@@ -217,16 +217,18 @@ def test_any_number_of_rays(session: Session, size: tuple[int, int]) -> None:
 @pytest.mark.parametrize("listed", [False, True])
 @pytest.mark.parametrize("samples", [1, 2, 3])
 def test_some_pixels_of_a_picture(session: Session, listed: bool, samples: int) -> None:
-    """In a row or from a list, with a few rays for each; what is met is what all rays meet."""
+    """In a row or from a list, with a few rays for each or one of them."""
     voxels = np.ones((4, 5, 6), bool)
     grid = Grid((0, 0, 0), 1.0, (6, 5, 4))
     columns, rows = SIZE
-    fine = columns * samples, rows * samples
+    fine = columns * samples**2, rows * samples**2
     view = Camera.around(grid).view(grid, fine)
     scene = Scene(two_levels(session, voxels, (2, 4, 3)), ONES)
     expected = first_voxels(voxels, view.rays, fine)
-    blocks = expected.reshape(rows, samples, columns, samples, 3).transpose(0, 2, 1, 3, 4)
-    by_pixel = blocks.reshape(rows * columns, samples**2, 3)
+    by_pixel = np.empty((rows * columns, samples**2, 3), int)
+    for row, column in np.ndindex(rows, columns):
+        places = np.array(sorted(places_of_rays(column, row, samples), key=by_row))
+        by_pixel[row * columns + column] = expected[places[:, 1], places[:, 0]]
     numbers = np.random.default_rng(5).permutation(rows * columns).astype(np.uint32)
     chosen = session.upload(numbers) if listed else None
     pixels = Pixels(SIZE, samples, 7, 40, chosen)
@@ -235,25 +237,55 @@ def test_some_pixels_of_a_picture(session: Session, listed: bool, samples: int) 
     np.testing.assert_array_equal(got.reshape(wanted.shape), wanted)
     parts = [part.count for part in pixels.parts(16 * samples**2)]
     assert parts == [16, 16, 8]
+    one = march(session, scene, view, replace(pixels, each=False)).voxels.get()[..., :3]
+    for number, met in zip(numbers[7:47] if listed else range(7, 47), one, strict=True):
+        column, row = places_of_rays(int(number) % columns, int(number) // columns, samples)[0]
+        np.testing.assert_array_equal(met, expected[row, column])
 
 
-@pytest.mark.parametrize("parallel", [False, True])
-def test_rays_in_the_middle(parallel: bool) -> None:
-    """Those of a coarser picture from the same place, up to rounding."""
-    grid = Grid((0, 0, 0), 1.0, (60, 50, 40))
-    camera = Camera.around(grid, parallel=parallel)
-    for samples in (1, 2, 3):
-        fine = camera.view(grid, (SIZE[0] * samples, SIZE[1] * samples)).middle(samples)
-        coarse = camera.view(grid, SIZE)
-        np.testing.assert_allclose(fine.pixel, coarse.pixel)
-        for column, row in ((0, 0), (10, 8), (5, 3)):
-            ends = []
-            for rays in (fine.rays, coarse.rays):
-                place, direction = _ray(rays, column, row)
-                ahead = np.array(direction, float) / np.abs(direction).max()
-                ends.append((np.array(place) / 2.0**rays.bits, ahead))
-            np.testing.assert_allclose(ends[0][0], ends[1][0], atol=4 / 2.0**rays.bits)
-            np.testing.assert_allclose(ends[0][1], ends[1][1], atol=1e-4)
+@pytest.mark.parametrize("samples", [1, 2, 3, 4, 8])
+def test_rays_of_a_pixel_are_spread_evenly(samples: int) -> None:
+    """One in each column and row of places; and so are the first ones of pixels in a line."""
+    side = samples**2
+    lines = [places_of_rays(3, 4, samples)]
+    lines.append([places_of_rays(k, 4, samples)[0] for k in range(side)])
+    lines.append([places_of_rays(3, k, samples)[0] for k in range(side)])
+    for line in lines:
+        for axis in (0, 1):
+            assert sorted(place[axis] % side for place in line) == list(range(side))
+    middle = np.mean(lines[0], axis=0) + 0.5
+    np.testing.assert_allclose(middle, (3.5 * side, 4.5 * side))
+
+
+def by_row(place: tuple[int, int]) -> tuple[int, int]:
+    return place[1], place[0]
+
+
+@pytest.mark.parametrize("lens", [{"fov": 40.0}, {"fov": 120.0}, {"height": 90.0}])
+@pytest.mark.parametrize("size", [(11, 9), (1920, 1080), (2, 16384)])
+def test_rays_are_those_of_the_camera(lens: Any, size: tuple[int, int]) -> None:
+    """Behind the grid they are at most a fiftieth of a voxel from where float64 has them."""
+    grid = Grid((1, 2, 3), (1.0, 0.5, 2.0), (100, 200, 80))
+    camera = Camera((-70, -90, 150), (50, 40, 90), (0.1, 0.2, 1), **lens)
+    columns, rows = size
+    right, above, back = camera.frame()
+    view = camera.view(grid, size)
+    if camera.fov is None:
+        assert camera.height is not None
+        wide = camera.height / rows
+    else:
+        wide = 2 * np.tan(np.radians(camera.fov) / 2) / rows
+    corners = np.array([(x, y, z) for x in (0, 1) for y in (0, 1) for z in (0, 1)])
+    depths = -(corners * np.subtract(*grid.bounds[::-1]) + grid.origin - camera.eye) @ back
+    for column, row in ((0, 0), (columns - 1, 0), (columns // 2, rows // 3), (0, rows - 1)):
+        aside = wide * ((column - (columns - 1) / 2) * right - (row - (rows - 1) / 2) * above)
+        place, direction = _ray(view.rays, column, row)
+        begin = (np.array(place) / 2.0**view.rays.bits) * grid.spacing + grid.origin
+        ahead = np.array(direction, float) * grid.spacing
+        far = float(depths.max())
+        end = begin + ahead * (((begin - camera.eye) @ back + far) / -(ahead @ back))
+        expected = camera.eye + aside * (1 if camera.fov is None else far) - far * back
+        np.testing.assert_allclose((end - expected) / grid.spacing, 0, atol=0.02)
 
 
 def test_rays_far_off_miss(session: Session) -> None:

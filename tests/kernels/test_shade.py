@@ -13,10 +13,9 @@ from clvox.device import Session
 from clvox.grid import Grid
 from clvox.ops.attributes import number_touched
 from clvox.ops.raymarch import Pixels, Scene, march
-from clvox.ops.shading import Fog, Paint, choose_pixels, shade, shade_volume
+from clvox.ops.shading import Fog, Paint, shade, shade_volume
 from clvox.ops.sky import measure_sky
 from clvox.reference.attributes import pack_normal
-from clvox.reference.raymarch import uneven_pixels
 from tests.kernels.models import MODELS, sample
 
 SIZE = 5, 4
@@ -47,8 +46,8 @@ def test_opacity_is_the_share_of_rays_that_hit(
     """And there is colour where, and only where, something is hit."""
     scene = scene_of(session, number, stored)
     grid = Grid((0, 0, 0), SPACING, scene.arrays.shape)
-    samples = SAMPLES * SIZE[0], SAMPLES * SIZE[1]
-    view = Camera.around(grid, fov=50.0).view(grid, samples)
+    places = SAMPLES**2 * SIZE[0], SAMPLES**2 * SIZE[1]
+    view = Camera.around(grid, fov=50.0).view(grid, places)
     chosen = Pixels.whole(SIZE, SAMPLES)
     hits = march(session, scene, view, chosen)
     sky = measure_sky(session, scene.arrays, SPACING)
@@ -121,15 +120,3 @@ def fogged(
     shade_volume(session, session.upload(lengths), Pixels.whole(size, samples), fog, canvas)
     pixels: NDArray[np.uint8] = canvas.get()
     return pixels
-
-
-@pytest.mark.parametrize("size", [(1, 1), (9, 7), (16, 1)])
-@pytest.mark.parametrize("least", [1, 30, 200])
-def test_uneven_pixels_are_chosen(session: Session, size: tuple[int, int], least: int) -> None:
-    rng = np.random.default_rng(size[0] + least)
-    image = np.full((size[1], size[0], 4), 40, np.uint8)
-    some = rng.random(image.shape) < 0.05
-    image[some] += rng.integers(0, 215, int(some.sum())).astype(np.uint8)
-    count, numbers = choose_pixels(session, session.upload(image), least)
-    expected = np.flatnonzero(uneven_pixels(image, least))
-    np.testing.assert_array_equal(np.sort(numbers.get()[:count]), expected)
