@@ -124,9 +124,6 @@ typedef struct {
     Known known;
 } Sink;
 
-/* The bit of a voxel of the bricks as a number: its cell, and its word of the cell's brick. */
-#define WORD_OF(x, y, z, word) ((ulong)(z) << 47 | (ulong)(y) << 30 | (ulong)(x) << 13 | (word))
-
 /* A crossing that no brick holds. */
 static void cross_outside(Sink *sink, const uint u, const uint v, const int slot)
 {
@@ -154,22 +151,13 @@ static void cross_outside(Sink *sink, const uint u, const uint v, const int slot
 /* Flips bits, of one word of a brick that its cell does not have, in faces. */
 static void flip_outside(Sink *sink, const ulong id, const uint bits)
 {
-    const uint z = (uint)(id >> 47), y = (uint)(id >> 30) & 0x1ffff;
-    const uint x = (uint)(id >> 13) & 0x1ffff, word = (uint)id & 0x1fff;
     for (uint left = bits; left; left &= left - 1) {
-        ulong voxel = 32 * word + popcount((left & -left) - 1);
+        ulong voxel = 32 * (id & 0x1fff) + popcount((left & -left) - 1);
         const int in_x = take_place(&voxel, BRICK_X);
         const int in_y = take_place(&voxel, BRICK_Y);
-        cross_outside(sink, z * BRICK_Z + (uint)voxel, x * BRICK_X + in_x,
-                      (int)(y * BRICK_Y) + in_y);
+        cross_outside(sink, Z_OF(id) * BRICK_Z + (uint)voxel, X_OF(id) * BRICK_X + in_x,
+                      (int)(Y_OF(id) * BRICK_Y) + in_y);
     }
-}
-
-/* The brick of a word. */
-static inline uint brick_of(Sink *sink, const ulong id)
-{
-    return known_brick(&sink->known, sink->tree, (uint)(id >> 13) & 0x1ffff,
-                       (uint)(id >> 30) & 0x1ffff, (uint)(id >> 47));
 }
 
 /* Two words, of which `bits` has the first in its lower half, at once where a device can: then
@@ -188,7 +176,7 @@ static inline void flip_brick(__global uint *brick, const ulong bits)
 /* Flips bits of one word of a cell's brick; or, if the cell has none, of faces. */
 static inline void flip_word(Sink *sink, const ulong id, const uint bits)
 {
-    const uint number = brick_of(sink, id);
+    const uint number = known_brick(&sink->known, sink->tree, id);
     if (number == NO_BRICK) {
         flip_outside(sink, id, bits);
         return;
@@ -205,7 +193,7 @@ static inline void flip_word(Sink *sink, const ulong id, const uint bits)
  * whose id is given. */
 static inline void flip_pair(Sink *sink, const ulong id, const uint second, const ulong bits)
 {
-    const uint number = brick_of(sink, id);
+    const uint number = known_brick(&sink->known, sink->tree, id);
     const uint lower = (uint)bits, upper = (uint)(bits >> 32);
     if (number == NO_BRICK) {
         flip_outside(sink, id, lower);
@@ -216,9 +204,8 @@ static inline void flip_pair(Sink *sink, const ulong id, const uint second, cons
 #if FLIPS_PAIRS
     flip_brick(brick, bits);
 #else
-    /* One of them may have nothing to flip, but nobody could foresee it. */
-    atomic_xor(brick + (id & 0x1fff), lower);
-    atomic_xor(brick + (id & 0x1fff) + second, upper);
+    if (lower) atomic_xor(brick + (id & 0x1fff), lower);
+    if (upper) atomic_xor(brick + (id & 0x1fff) + second, upper);
 #endif
 }
 
