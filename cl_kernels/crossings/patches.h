@@ -54,20 +54,24 @@ static inline void drain(Found *found, Sink *sink)
     found->count = 0;
 }
 
+/* Vectors are halved by way of an array, which compilers do away with: what a swizzle to fewer
+ * lanes gives Oclgrind takes for undefined. */
 static inline uint largest(const uint16 lanes)
 {
-    const uint8 of_8 = max(lanes.s01234567, lanes.s89abcdef);
-    const uint4 of_4 = max(of_8.s0123, of_8.s4567);
-    const uint2 of_2 = max(of_4.s01, of_4.s23);
-    return max(of_2.x, of_2.y);
+    uint each[PATCH];
+    vstore16(lanes, 0, each);
+    vstore8(max(vload8(0, each), vload8(1, each)), 0, each);
+    const uint4 of_4 = max(vload4(0, each), vload4(1, each));
+    return max(max(of_4.x, of_4.y), max(of_4.z, of_4.w));
 }
 
 /* The bits of all even lanes, and above them those of all odd ones. */
 static inline ulong gather(const uint16 lanes)
 {
-    const ulong8 of_8 = as_ulong8(lanes);
-    const ulong4 of_4 = of_8.s0123 | of_8.s4567;
-    const ulong2 of_2 = of_4.s01 | of_4.s23;
+    ulong each[PATCH / 2];
+    vstore8(as_ulong8(lanes), 0, each);
+    vstore4(vload4(0, each) | vload4(1, each), 0, each);
+    const ulong2 of_2 = vload2(0, each) | vload2(1, each);
     return of_2.x | of_2.y;
 }
 

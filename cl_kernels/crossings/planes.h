@@ -1,5 +1,5 @@
 /*
- * crossings/planes.h: what rays need of a triangle: is one covered, and which slot has its crossing?
+ * crossings/planes.h: what a triangle is to the rays: which does it cover, and in which slot?
  *
  * Rays are STEP apart, so an edge function W changes by whole multiples of STEP from ray to ray:
  * E = (W - t) >> STEP_BITS is stepped, with t = 0 if the edge owns its rays and 1 if not, and
