@@ -11,7 +11,7 @@
  * Defines:    AXIS       axis of the rays: 0, 1 or 2; 1 for the sinks DENSE and BRICKS
  *             STEP_BITS  log2 of the lattice steps in one voxel
  *             SINK       0: COUNT, 1: DENSE, 2: BRICKS, 3: EMIT (crossings/sinks.h)
- *             EDGE_BITS  32 for cast_direct, 64 for cast_tiles (crossings/rasterise.h)
+ *             EDGE_BITS  32 for cast_direct, 64 for cast_tiles (crossings/planes.h)
  *             WIDE       1 if triangles have more than some candidate rays each, 0 if hardly
  *             RUN        triangles in a row that one work-item does directly
  *             DIRECT     most candidate rays of a triangle that is done directly
@@ -25,7 +25,13 @@
 #include "common/rays.h"
 #include "common/tiles.h"
 #include "crossings/sinks.h"
+
+#define CUBES(side) (BRICK_X == side && BRICK_Y == side && BRICK_Z == side)
+#if SINK == BRICKS && WIDE && EDGE_BITS == 32 && DIRECT <= 1 << 12 && (CUBES(4) || CUBES(8))
+#include "crossings/patches.h"
+#else
 #include "crossings/rasterise.h"
+#endif
 
 /* A triangle done directly spans less than one voxel more than its rays along u and along v.  So
  * its edge functions, in units of a voxel, stay below 4 * DIRECT * STEP <= 2^30 in its box, and one

@@ -97,17 +97,8 @@ static inline void cross(Sink *sink, const int u, const int v, const int slot)
 
 #elif SINK == BRICKS
 
-#include "common/bricks.h"
 #include "common/index.h"
-
-/* Rows of rays come back to the cells of the row before, those of small triangles to one. */
-#if WIDE
-#define KNOWN_CELLS 16
-#define CELL_PLACE(x, y) ((x) % 4 * 4 + (y) % 4)
-#else
-#define KNOWN_CELLS 1
-#define CELL_PLACE(x, y) 0
-#endif
+#include "crossings/known.h"
 
 /* Rays along y: u is z and v is x.
  * columns: cells of voxels along each axis.  The tree above the bricks: common/bricks.h.
@@ -120,7 +111,7 @@ static inline void cross(Sink *sink, const int u, const int v, const int slot)
     __global uint *bricks, __global uint *exits, __global uint *entry, __global uint *beyond
 #define MAKE_SINK(window) \
     { TREE, columns, first_layer, first_brick, bricks, exits, entry, beyond, \
-      ULONG_MAX, NO_BRICK, { 0 }, { 0 } }
+      { { 0 } } }
 typedef struct {
     Tree tree;
     int4 columns;
@@ -130,15 +121,8 @@ typedef struct {
     __global uint *exits;
     __global uint *entry;
     __global uint *beyond;
-    ulong above;  /* the coarse cell looked up last */
-    uint node;
-    /* The last cell of each place, plus 1, and its brick. */
-    ulong known[KNOWN_CELLS];
-    uint brick_of[KNOWN_CELLS];
+    Known known;
 } Sink;
-
-/* The bit of a voxel of the bricks as a number: its cell, and its word of the cell's brick. */
-#define WORD_OF(x, y, z, word) ((ulong)(z) << 47 | (ulong)(y) << 30 | (ulong)(x) << 13 | (word))
 
 /* A crossing that no brick holds. */
 static void cross_outside(Sink *sink, const uint u, const uint v, const int slot)
@@ -164,38 +148,65 @@ static void cross_outside(Sink *sink, const uint u, const uint v, const int slot
     atomic_xor(face + ray / 32, 1u << (ray % 32));
 }
 
+/* Flips bits, of one word of a brick that its cell does not have, in faces. */
+static void flip_outside(Sink *sink, const ulong id, const uint bits)
+{
+    for (uint left = bits; left; left &= left - 1) {
+        ulong voxel = 32 * (id & 0x1fff) + popcount((left & -left) - 1);
+        const int in_x = take_place(&voxel, BRICK_X);
+        const int in_y = take_place(&voxel, BRICK_Y);
+        cross_outside(sink, Z_OF(id) * BRICK_Z + (uint)voxel, X_OF(id) * BRICK_X + in_x,
+                      (int)(Y_OF(id) * BRICK_Y) + in_y);
+    }
+}
+
+/* Two words, of which `bits` has the first in its lower half, at once where a device can: then
+ * those of small bricks are never flipped otherwise. */
+#if defined(cl_khr_int64_extended_atomics) && BRICK_WORDS == 2
+#pragma OPENCL EXTENSION cl_khr_int64_extended_atomics : enable
+#define FLIPS_PAIRS 1
+static inline void flip_brick(__global uint *brick, const ulong bits)
+{
+    atom_xor((volatile __global ulong *)brick, bits);
+}
+#else
+#define FLIPS_PAIRS 0
+#endif
+
 /* Flips bits of one word of a cell's brick; or, if the cell has none, of faces. */
 static inline void flip_word(Sink *sink, const ulong id, const uint bits)
 {
-    const uint z = (uint)(id >> 47), y = (uint)(id >> 30) & 0x1ffff;
-    const uint x = (uint)(id >> 13) & 0x1ffff, word = (uint)id & 0x1fff;
-    const uint place = CELL_PLACE(x, y);
-    const ulong cell = (id >> 13) + 1;
-    if (sink->known[place] != cell) {
-        sink->known[place] = cell;
-#if LEVELS == 3
-        const ulong above = WORD_OF(x / MIDDLE_X, y / MIDDLE_Y, z / MIDDLE_Z, 0);
-        if (sink->above != above) {
-            sink->above = above;
-            sink->node = find_node(sink->tree, x, y, z);
-        }
-        sink->brick_of[place] = find_in_node(sink->tree, sink->node, x, y, z);
-#else
-        sink->brick_of[place] = find_brick(sink->tree, x, y, z);
-#endif
-    }
-    const uint brick = sink->brick_of[place];
-    if (brick != NO_BRICK) {
-        atomic_xor(sink->bricks + (ulong)brick * BRICK_WORDS + word, bits);
+    const uint number = known_brick(&sink->known, sink->tree, id);
+    if (number == NO_BRICK) {
+        flip_outside(sink, id, bits);
         return;
     }
-    for (uint left = bits; left; left &= left - 1) {
-        ulong voxel = 32 * word + popcount((left & -left) - 1);
-        const int in_x = take_place(&voxel, BRICK_X);
-        const int in_y = take_place(&voxel, BRICK_Y);
-        cross_outside(sink, z * BRICK_Z + (uint)voxel, x * BRICK_X + in_x,
-                      (int)(y * BRICK_Y) + in_y);
+    __global uint *brick = sink->bricks + (ulong)number * BRICK_WORDS;
+#if FLIPS_PAIRS
+    flip_brick(brick, (ulong)bits << 32 * (id & 1));
+#else
+    atomic_xor(brick + (id & 0x1fff), bits);
+#endif
+}
+
+/* The same of two words of one brick, `second` words apart; the lower bits are those of the first,
+ * whose id is given. */
+static inline void flip_pair(Sink *sink, const ulong id, const uint second, const ulong bits)
+{
+    const uint number = known_brick(&sink->known, sink->tree, id);
+    const uint lower = (uint)bits, upper = (uint)(bits >> 32);
+    if (number == NO_BRICK) {
+        flip_outside(sink, id, lower);
+        flip_outside(sink, id + second, upper);
+        return;
     }
+    __global uint *brick = sink->bricks + (ulong)number * BRICK_WORDS;
+#if FLIPS_PAIRS
+    flip_brick(brick, bits);
+#else
+    if (lower) atomic_xor(brick + (id & 0x1fff), lower);
+    if (upper) atomic_xor(brick + (id & 0x1fff) + second, upper);
+#endif
 }
 
 #define GATHERS

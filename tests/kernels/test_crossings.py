@@ -176,10 +176,9 @@ BRICK_CASES = [
 ]
 
 
-@pytest.mark.parametrize(("case", "brick"), BRICK_CASES, ids=str)
-def test_brick_flips_equal_the_twin(session: Session, case: Case, brick: Shape) -> None:
+def assert_bricks_equal_the_twin(session: Session, case: Case, brick: Shape, count: int) -> None:
     bits, shape = case.bits, case.shape
-    for mesh in meshes_for(14, 40, bits, shape):
+    for mesh in meshes_for(14, count, bits, shape):
         marks = session.upload(pack_bits(touched(*mesh, bits, shape, brick)))
         cells = rank_cells(session, marks, cell_shape(shape, brick), brick)
         bricks = Bricks.cleared(session, cells)
@@ -191,6 +190,31 @@ def test_brick_flips_equal_the_twin(session: Session, case: Case, brick: Shape) 
         found = (bricks.voxels, bricks.exits, bricks.entry, bricks.beyond)
         for words, expected in zip(found, bricks_of(mesh, bits, shape, cells), strict=True):
             np.testing.assert_array_equal(words.get(), expected, strict=True)
+
+
+@pytest.mark.parametrize(("case", "brick"), BRICK_CASES, ids=str)
+def test_brick_flips_equal_the_twin(session: Session, case: Case, brick: Shape) -> None:
+    assert_bricks_equal_the_twin(session, case, brick, 40)
+
+
+@pytest.mark.parametrize(
+    ("case", "brick"),
+    [
+        (Case(7, (21, 16, 9), 256, 32), (4, 4, 4)),
+        (Case(8, (17, 8, 9), 256, 8), (8, 8, 8)),
+        (Case(14, (9, 70, 22), 1 << 10, 32), (8, 8, 8)),
+        (Case(14, (11, 13, 6), 1 << 10, 32), (4, 4, 4)),
+        # Boxes of more rays are too large for patches.
+        (Case(9, (11, 13, 6), 1 << 11, 32), (4, 4, 4)),
+    ],
+    ids=str,
+)
+def test_patches_of_rays_flip_what_single_rays_do(
+    session: Session, case: Case, brick: Shape, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """However many triangles there are to a ray: so that all are of few crossings, too."""
+    monkeypatch.setattr("clvox.ops.crossings.WIDE", 0)
+    assert_bricks_equal_the_twin(session, case, brick, 20)
 
 
 # A sink of the tests' own, for rays along any axis: how many crossings have each slot.
