@@ -277,8 +277,9 @@ __kernel void march(
     while (any_of(going)) {
 #if STATES
         const longs at = index & going;
-        const longs state = LOOK_UP(states, at);
-        const longs free = state & FREE;
+        const longs near = LOOK_UP(distances, at);
+        const longs free = near & FREE, uniform = WHERE(near != 0);
+        const longs filled = WHERE((near & INSIDE_STATE) != 0);
 #else
         long x_of[WIDTH], y_of[WIDTH], z_of[WIDTH], state_in[WIDTH];
         STORE(cell_x & going, x_of);
@@ -290,9 +291,9 @@ __kernel void march(
                 (int)z_of[lane]);
         const longs known = LOAD(state_in);
         const longs state = known & 0xffffffffL, free = known >> FREE_SHIFT;
-#endif
         const longs uniform = WHERE(state >= UNIFORM);
         const longs filled = uniform & WHERE((state & INSIDE_STATE) != 0);
+#endif
 #if LENGTHS
         const longs stops = ~uniform & ~walked & going;
 #else
@@ -311,7 +312,11 @@ __kernel void march(
             const longs voxel_x = planes_met(t - since_x, x.step, x.pace);
             const longs voxel_y = planes_met(t - since_y + by_x, y.step, y.pace);
             const longs voxel_z = planes_met(t - since_z + ~by_z, z.step, z.pace);
-            const longs base = (state & stops & ~uniform) * BRICK_WORDS;
+            const longs held = stops & ~uniform;
+#if STATES
+            const longs cell = index & held, state = LOOK_UP(states, cell);
+#endif
+            const longs base = (state & held) * BRICK_WORDS;
             longs out_x = since_x + (voxel_x + 1) * x.step;
             longs out_y = since_y + (voxel_y + 1) * y.step;
             longs out_z = since_z + (voxel_z + 1) * z.step;
@@ -319,43 +324,48 @@ __kernel void march(
             longs live = stops & WHERE((at_voxel & LEFT) == 0);
             longs now = t;
 #if !LENGTHS
-            longs now_x = by_x, now_y = by_y, now_z = by_z;
+            longs now_x = by_x, now_y = by_y;
+            longs found = 0;
 #endif
             do {
-                const longs bit = at_voxel & 0xffffffffL & live;
-                const longs words = base + (bit >> 5);
-                const longs bits = LOOK_UP_WORDS(words);
-                const longs next = min(out_x, min(out_y, out_z));
+                /* Who has left, or found something, steps on all the same, and nobody looks: what
+                 * comes next waits for nothing that has to be looked up. */
+                for (int twice = 0; twice < 2; ++twice) {
+                    const longs bit = at_voxel & 0xffffffffL & live;
+                    const longs words = base + (bit >> 5);
+                    const longs bits = LOOK_UP_WORDS(words);
+                    const longs next = min(out_x, min(out_y, out_z));
 #if LENGTHS
-                const longs taken = -(bits >> (bit & 31) & 1) & live;
-                within += (min(next, end) - min(now, end)) & taken;
+                    const longs taken = -(bits >> (bit & 31) & 1) & live;
+                    within += (min(next, end) - min(now, end)) & taken;
 #else
-                const longs taken = (-(bits >> (bit & 31) & 1) | filled) & live;
-                met |= taken;
-                live &= ~taken;
+                    const longs taken = (-(bits >> (bit & 31) & 1) | filled) & live & ~found;
+                    found |= taken;
+                    t = EITHER(taken, now, t);
+                    by_x = EITHER(taken, now_x, by_x);
+                    by_y = EITHER(taken, now_y, by_y);
+                    place = EITHER(taken, at_voxel, place);
 #endif
-                const longs step_x = WHERE(out_x <= out_y) & WHERE(out_x <= out_z) & live;
-                const longs step_y = WHERE(out_y <= out_z) & live & ~step_x;
-                const longs step_z = live & ~(step_x | step_y);
-                now = EITHER(live, next, now);
+                    const longs step_x = WHERE(out_x <= out_y) & WHERE(out_x <= out_z);
+                    const longs step_y = WHERE(out_y <= out_z) & ~step_x;
+                    const longs step_z = ~(step_x | step_y);
+                    now = next;
 #if !LENGTHS
-                now_x = EITHER(live, step_x, now_x);
-                now_y = EITHER(live, step_y, now_y);
-                now_z = EITHER(live, step_z, now_z);
+                    now_x = step_x;
+                    now_y = step_y;
 #endif
-                out_x += step_x & x.step;
-                out_y += step_y & y.step;
-                out_z += step_z & z.step;
-                at_voxel += (step_x & go_x) + (step_y & go_y) + (step_z & go_z);
-                live &= WHERE((at_voxel & LEFT) == 0);
+                    out_x += step_x & x.step;
+                    out_y += step_y & y.step;
+                    out_z += step_z & z.step;
+                    at_voxel += (step_x & go_x) + (step_y & go_y) + (step_z & go_z);
+                    live &= WHERE((at_voxel & LEFT) == 0);
+                }
+#if LENGTHS
             } while (any_of(live));
-#if !LENGTHS
-            const longs found = stops & met;
-            t = EITHER(found, now, t);
-            by_x = EITHER(found, now_x, by_x);
-            by_y = EITHER(found, now_y, by_y);
-            by_z = EITHER(found, now_z, by_z);
-            place = EITHER(found, at_voxel, place);
+#else
+            } while (any_of(live & ~found));
+            by_z = ~(by_x | by_y);
+            met |= found;
             going &= ~found;
 #endif
             walked = stops & going;
