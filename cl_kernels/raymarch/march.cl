@@ -374,8 +374,13 @@ __kernel void march(
 #endif
         /* As far as all cells within `free` of this one reach, but for the last of them. */
         const longs more = (free - 1) & uniform & ~walked;
-        const longs then_x = cell_out_x + more * apart_x, then_y = cell_out_y + more * apart_y;
-        const longs then_z = cell_out_z + more * apart_z;
+        const bool jumps = any_of(more & moving);
+        longs then_x = cell_out_x, then_y = cell_out_y, then_z = cell_out_z;
+        if (jumps) {
+            then_x += more * apart_x;
+            then_y += more * apart_y;
+            then_z += more * apart_z;
+        }
         const longs next = min(then_x, min(then_y, then_z));
 #if LENGTHS
         within += (min(next, end) - t) & filled & moving;
@@ -386,14 +391,27 @@ __kernel void march(
         by_x = EITHER(moving, next_x, by_x);
         by_y = EITHER(moving, next_y, by_y);
         by_z = EITHER(moving, next_z, by_z);
-        const longs move_x = moving & planes_met(next - cell_out_x + apart_x, apart_x, pace_x);
-        const longs move_y =
-            moving & planes_met(next - cell_out_y + apart_y + next_x, apart_y, pace_y);
-        const longs move_z =
-            moving & planes_met(next - cell_out_z + apart_z + ~next_z, apart_z, pace_z);
-        cell_out_x += move_x * apart_x;
-        cell_out_y += move_y * apart_y;
-        cell_out_z += move_z * apart_z;
+        longs move_x = next_x & moving, move_y = next_y & moving, move_z = next_z & moving;
+        cell_out_x += move_x & apart_x;
+        cell_out_y += move_y & apart_y;
+        cell_out_z += move_z & apart_z;
+        move_x &= 1;
+        move_y &= 1;
+        move_z &= 1;
+        if (jumps) {
+            /* The plane of the jump is passed; so are all before it. */
+            const longs far_x = moving & planes_met(next - cell_out_x + apart_x, apart_x, pace_x);
+            const longs far_y =
+                moving & planes_met(next - cell_out_y + apart_y + next_x, apart_y, pace_y);
+            const longs far_z =
+                moving & planes_met(next - cell_out_z + apart_z + ~next_z, apart_z, pace_z);
+            cell_out_x += far_x * apart_x;
+            cell_out_y += far_y * apart_y;
+            cell_out_z += far_z * apart_z;
+            move_x += far_x;
+            move_y += far_y;
+            move_z += far_z;
+        }
 #if STATES
         index += move_x * go_cell_x + move_y * go_cell_y + move_z * go_cell_z;
 #else
