@@ -19,6 +19,7 @@
  * Source:     after Amanatides and Woo, "A fast voxel traversal algorithm for ray tracing",
  *             Eurographics 1987.
  */
+#include "common/index.h"
 #include "common/model.h"
 #include "raymarch/along.h"
 #if PLANE
@@ -68,32 +69,46 @@
 #define BIT_Y(bit) place_in((bit) / BRICK_X, BRICK_Y)
 #define BIT_Z(bit) ((bit) / (BRICK_X * BRICK_Y))
 
-/* What is known of a cell beside its word (raymarch/states.h), above it: how many cells it is away
- * from one of another kind. */
-#define FREE_SHIFT 32
-
 #if !STATES
 
-/* The state of cell (x, y, z), as raymarch/states.h has it, and above it how far it is free. */
+#if TILE
+
+/* How many cells follow cell `at` along one axis before something may change, if that is so for
+ * all blocks that are less than `free` away. */
+static inline long cells_after(const int at, const int free, const int block, const bool turned)
+{
+    const int place = place_in(at, block);
+    return (free - 1) * block + (turned ? place : block - 1 - place);
+}
+
+#endif
+
+/* The state of cell (x, y, z), as raymarch/states.h has it.
+ * turned: 1, 2 and 4 for axes along which the ray runs backwards; after: for each axis, how many
+ * cells of the same kind follow. */
 static inline long state_of(
     MODEL_PARAMETERS, const int4 blocks, const __global uchar *distances, const int x, const int y,
-    const int z)
+    const int z, const int turned, long *after_x, long *after_y, long *after_z)
 {
+    *after_x = *after_y = *after_z = 0;
 #if TILE
     const int near_x = x / BLOCK_X, near_y = y / BLOCK_Y, near_z = z / BLOCK_Z;
     const uint near = distances[((ulong)near_z * blocks.y + near_y) * blocks.x + near_x];
-    const int least = min(BLOCK_X, min(BLOCK_Y, BLOCK_Z));
-    const long free = (long)((near & FREE) - 1) * least + 1;
-    if ((near & FREE) > 0) return free << FREE_SHIFT | UNIFORM | (near & INSIDE_STATE);
+    const int free = (int)(near & FREE);
+    if (free > 0) {
+        *after_x = cells_after(x, free, BLOCK_X, turned & 1);
+        *after_y = cells_after(y, free, BLOCK_Y, turned & 2);
+        *after_z = cells_after(z, free, BLOCK_Z, turned & 4);
+        return UNIFORM | (near & INSIDE_STATE);
+    }
 #endif
-    const long alone = 1L << FREE_SHIFT;
 #if LEVELS == 1
     const ulong word = ((ulong)z * cells.y + y) * ((cells.x + 31) / 32) + x / 32;
-    return alone | UNIFORM | (WORD_OF(word) >> (x % 32) & 1 ? INSIDE_STATE : 0);
+    return UNIFORM | (WORD_OF(word) >> (x % 32) & 1 ? INSIDE_STATE : 0);
 #else
     const ulong state = cell_state(MODEL_ARGUMENTS, x, y, z);
-    return state < CELL_OUTSIDE ? (long)state
-                                : alone | UNIFORM | (state == CELL_INSIDE ? INSIDE_STATE : 0);
+    if (state < CELL_OUTSIDE) return (long)state;
+    return UNIFORM | (state == CELL_INSIDE ? INSIDE_STATE : 0);
 #endif
 }
 
@@ -249,6 +264,12 @@ __kernel void march(
     longs index = cell_z * layer + cell_y * cells.x + cell_x;
 #else
     const longs go_cell_x = x.turned | 1, go_cell_y = y.turned | 1, go_cell_z = z.turned | 1;
+    long turned_of[WIDTH];
+    STORE((x.turned & 1) | (y.turned & 2) | (z.turned & 4), turned_of);
+    long x_of[WIDTH], y_of[WIDTH], z_of[WIDTH], fresh_of[WIDTH], state_in[WIDTH];
+    long after_in_x[WIDTH], after_in_y[WIDTH], after_in_z[WIDTH];
+    for (int lane = 0; lane < WIDTH; ++lane)
+        state_in[lane] = after_in_x[lane] = after_in_y[lane] = after_in_z[lane] = 0;
 #endif
 #if LEVELS > 1
     /* The bit of a voxel in its brick, and how many of the brick are behind it, move with it. */
@@ -274,23 +295,31 @@ __kernel void march(
     /* The cells in which rays wait until others have come as far; of which all is known then. */
     longs walked = 0;
     going &= WHERE(t < EITHER(by_x, end_x, EITHER(by_y, end_y, end)));
+#if !STATES
+    /* Rays that have come to a cell of which nothing is known yet. */
+    longs fresh = going;
+#endif
     while (any_of(going)) {
 #if STATES
         const longs at = index & going;
         const longs near = LOOK_UP(distances, at);
-        const longs free = near & FREE, uniform = WHERE(near != 0);
+        const longs uniform = WHERE(near != 0), after = (near & FREE) - 1;
+        const longs after_x = after, after_y = after, after_z = after;
         const longs filled = WHERE((near & INSIDE_STATE) != 0);
 #else
-        long x_of[WIDTH], y_of[WIDTH], z_of[WIDTH], state_in[WIDTH];
-        STORE(cell_x & going, x_of);
-        STORE(cell_y & going, y_of);
-        STORE(cell_z & going, z_of);
-        for (int lane = 0; lane < WIDTH; ++lane)
-            state_in[lane] = state_of(
-                MODEL_ARGUMENTS, blocks, distances, (int)x_of[lane], (int)y_of[lane],
-                (int)z_of[lane]);
-        const longs known = LOAD(state_in);
-        const longs state = known & 0xffffffffL, free = known >> FREE_SHIFT;
+        STORE(cell_x, x_of);
+        STORE(cell_y, y_of);
+        STORE(cell_z, z_of);
+        STORE(fresh, fresh_of);
+        for (int lane = 0; lane < WIDTH; ++lane) {
+            if (fresh_of[lane])
+                state_in[lane] = state_of(
+                    MODEL_ARGUMENTS, blocks, distances, (int)x_of[lane], (int)y_of[lane],
+                    (int)z_of[lane], (int)turned_of[lane], after_in_x + lane, after_in_y + lane,
+                    after_in_z + lane);
+        }
+        const longs state = LOAD(state_in), after_x = LOAD(after_in_x);
+        const longs after_y = LOAD(after_in_y), after_z = LOAD(after_in_z);
         const longs uniform = WHERE(state >= UNIFORM);
         const longs filled = uniform & WHERE((state & INSIDE_STATE) != 0);
 #endif
@@ -372,14 +401,14 @@ __kernel void march(
             moving = walked;
         }
 #endif
-        /* As far as all cells within `free` of this one reach, but for the last of them. */
-        const longs more = (free - 1) & uniform & ~walked;
-        const bool jumps = any_of(more & moving);
+        /* As far as all cells are of one kind. */
+        const longs free = moving & uniform & ~walked;
+        const bool jumps = any_of((after_x | after_y | after_z) & free);
         longs then_x = cell_out_x, then_y = cell_out_y, then_z = cell_out_z;
         if (jumps) {
-            then_x += more * apart_x;
-            then_y += more * apart_y;
-            then_z += more * apart_z;
+            then_x += (after_x & free) * apart_x;
+            then_y += (after_y & free) * apart_y;
+            then_z += (after_z & free) * apart_z;
         }
         const longs next = min(then_x, min(then_y, then_z));
 #if LENGTHS
@@ -421,6 +450,9 @@ __kernel void march(
 #endif
         walked &= ~moving;
         going &= WHERE(t < EITHER(by_x, end_x, EITHER(by_y, end_y, end))) | ~moving;
+#if !STATES
+        fresh = moving & going;
+#endif
     }
 #if LENGTHS
     const floats ahead_x = AS_FLOATS(part_x) * widths.x, ahead_y = AS_FLOATS(part_y) * widths.y;
@@ -436,7 +468,7 @@ __kernel void march(
     const longs at_once = WHERE(t == begin) & (by_x ^ ~begun_x) & (by_z ^ ~begun_z);
     const longs entered = EITHER(
         at_once & WHERE(cut != 0), cut, (by_y & 1) | (by_z & 2));
-    long met_of[WIDTH], entered_of[WIDTH], place_of[WIDTH];
+    long met_of[WIDTH], entered_of[WIDTH];
     float far_of[WIDTH];
     STORE(met, met_of);
     STORE(entered, entered_of);
@@ -445,12 +477,12 @@ __kernel void march(
     long index_of[WIDTH];
     STORE(index, index_of);
 #else
-    long x_of[WIDTH], y_of[WIDTH], z_of[WIDTH];
     STORE(cell_x, x_of);
     STORE(cell_y, y_of);
     STORE(cell_z, z_of);
 #endif
 #if LEVELS > 1
+    long place_of[WIDTH];
     STORE(place, place_of);
 #endif
     for (int lane = 0; lane < WIDTH; ++lane) {
