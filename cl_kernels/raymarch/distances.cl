@@ -59,13 +59,16 @@ __kernel void fill(
 }
 
 /* One work-item puts together what is known of one of `count` blocks, from how far the next one is
- * that is not empty, and that is not inside (raymarch/states.h). */
+ * that is not empty, and that is not inside (raymarch/states.h); at most `most`, which is what
+ * the grid is long, so that no ray goes much beyond it. */
 __kernel void join(
-    const ulong count, const __global uchar *restrict outer, const __global uchar *restrict inner,
-    __global uchar *restrict distances)
+    const ulong count, const uint most, const __global uchar *restrict outer,
+    const __global uchar *restrict inner, __global uchar *restrict distances)
 {
     const ulong id = get_global_id(0);
-    if (id < count) distances[id] = inner[id] > 0 ? INSIDE_STATE | inner[id] : outer[id];
+    if (id >= count) return;
+    const uint away = min(max((uint)inner[id], (uint)outer[id]), most);
+    distances[id] = inner[id] > 0 ? INSIDE_STATE | away : away;
 }
 
 /* One work-item puts together what is known of one cell.

@@ -16,8 +16,6 @@ typedef float floats;
 #define WHERE(condition) (-(long)(condition))
 #define AS_LONGS(values) ((long)(values))
 #define AS_FLOATS(values) ((float)(values))
-#define LANE_NUMBERS 0L
-#define EACH(f) f(0)
 #define LOAD(array) ((array)[0])
 #define STORE(values, array) ((array)[0] = (values))
 #define LOOK_UP(array, at) ((long)(array)[at])

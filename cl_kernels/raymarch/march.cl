@@ -258,8 +258,8 @@ __kernel void march(
     cell_y = EITHER(y.turned, columns.y - 1 - cell_y, cell_y);
     cell_z = EITHER(z.turned, columns.z - 1 - cell_z, cell_z);
 #if STATES
-    const longs go_cell_x = x.turned | 1, go_cell_y = EITHER(y.turned, -(long)cells.x, (long)cells.x);
-    const long layer = (long)cells.x * cells.y;
+    const long line = cells.x, layer = line * cells.y;
+    const longs go_cell_x = x.turned | 1, go_cell_y = EITHER(y.turned, -line, line);
     const longs go_cell_z = EITHER(z.turned, -layer, layer);
     longs index = cell_z * layer + cell_y * cells.x + cell_x;
 #else
@@ -274,8 +274,9 @@ __kernel void march(
 #if LEVELS > 1
     /* The bit of a voxel in its brick, and how many of the brick are behind it, move with it. */
     const longs go_x = PASSED(0) + (x.turned | 1);
-    const longs go_y = PASSED(1) + EITHER(y.turned, -(long)BRICK_X, (long)BRICK_X);
-    const longs go_z = PASSED(2) + EITHER(z.turned, -(long)BRICK_X * BRICK_Y, (long)BRICK_X * BRICK_Y);
+    const long row_bits = BRICK_X, layer_bits = BRICK_X * BRICK_Y;
+    const longs go_y = PASSED(1) + EITHER(y.turned, -row_bits, row_bits);
+    const longs go_z = PASSED(2) + EITHER(z.turned, -layer_bits, layer_bits);
     /* What both are for the first voxel that a ray may meet in a brick. */
     const longs corner = (x.turned & (SIDE_X - 1)) + (y.turned & ((SIDE_Y - 1) * BRICK_X))
         + (z.turned & ((SIDE_Z - 1) * BRICK_X * BRICK_Y)) + SPARE + (HALF - SIDE_X) * PASSED(0)
@@ -466,8 +467,7 @@ __kernel void march(
     met &= WHERE(t < EITHER(by_x, end_x, EITHER(by_y, end_y, end)));
     if (!any_of(met)) return;
     const longs at_once = WHERE(t == begin) & (by_x ^ ~begun_x) & (by_z ^ ~begun_z);
-    const longs entered = EITHER(
-        at_once & WHERE(cut != 0), cut, (by_y & 1) | (by_z & 2));
+    const longs entered = EITHER(at_once & WHERE(cut != 0), cut, (by_y & 1) | (by_z & 2));
     long met_of[WIDTH], entered_of[WIDTH];
     float far_of[WIDTH];
     STORE(met, met_of);

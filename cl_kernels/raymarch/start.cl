@@ -33,7 +33,8 @@ static inline float most_of(const float4 parts)
 /* One work-item follows one tile.
  * size: rays along a row and a column; blocks: shape of the grid of blocks; per_block: steps along
  * the sides of a block; end: in directions, where all rays are past the grid.
- * distances: (blocks,) uint8 (raymarch/states.h).  starts: (tiles,) float32, in directions; INFINITY for a miss. */
+ * distances: (blocks,) uint8 (raymarch/states.h).
+ * starts: (tiles,) float32, in directions; INFINITY for a miss. */
 __kernel void find_starts(
     const int2 size, const int4 blocks, const float4 per_block, const float end, RAY_PARAMETERS,
     const __global uchar *restrict distances, __global float *restrict starts)

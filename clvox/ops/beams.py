@@ -8,13 +8,13 @@ import numpy as np
 import pyopencl.array as cla
 from pyopencl import cltypes
 
-from clvox.camera import Rays
 from clvox.device import Session
 from clvox.device.session import Argument
 from clvox.grid import Shape
 from clvox.ops.distances import Distances
 from clvox.ops.layout import VoxelArrays, float4, int2, int4
 from clvox.ops.query import Rule
+from clvox.picture_rays import Rays
 
 _START, _REFINE = "raymarch/start.cl", "raymarch/refine.cl"
 

@@ -8,7 +8,6 @@ import numpy as np
 import pyopencl.array as cla
 
 from clvox.device import Session
-from clvox.device.session import Argument
 from clvox.grid import Shape
 from clvox.ops.layout import VoxelArrays, cell_shape, int4
 from clvox.ops.query import Rule
@@ -27,10 +26,11 @@ DENSE_SIDE = 8
 
 @dataclass(frozen=True)
 class Distances:
-    """For each block of coarse cells its distance to one that is not empty, in blocks.
+    """For each block of coarse cells its distance to one of another kind, in blocks.
 
-    The largest of the distances along the axes; 0 for a block that is not empty itself.  A dense
-    model's voxels count as coarse cells; those known to be touched are not empty.
+    The largest of the distances along the axes: of an empty block, to one that is not; of one that
+    is all inside, to one that is not, and 128 more; else 0.  A dense model's voxels count as coarse
+    cells; those known to be touched are not empty.
 
     shape: blocks (x, y, z); side: voxels along the sides of one; values: uint8, x fastest.
     states: (cells,) uint32 of `raymarch/states.h`, if blocks are cells of voxels.
@@ -80,7 +80,8 @@ def measure_distances(
     session.run(kernel, count, int4(shape), int4(whole), inside, inner, steps=side * side)
     outer, inner = (_spread(session, shape, given, defines) for given in (outer, inner))
     values = session.empty(count, np.uint8)
-    session.run(session.kernel(_FILE, "join", **defines), count, np.uint64(count), outer, inner, values)
+    kernel = session.kernel(_FILE, "join", **defines)
+    session.run(kernel, count, np.uint64(count), np.uint32(max(shape)), outer, inner, values)
     x, y, z = (side * np.prod([(1, 1, 1), *arrays.levels[1:]], axis=0)).tolist()
     crumbs = take_crumbs(session, arrays, edge)
     if cells is None or arrays.inside is None or cells.finer is not None or side > 1:

@@ -8,7 +8,6 @@ from functools import cached_property
 import numpy as np
 import pyopencl.array as cla
 
-from clvox.camera import View
 from clvox.device import Session
 from clvox.ops.beams import Beams, find_beams
 from clvox.ops.distances import Distances, measure_distances
@@ -16,6 +15,7 @@ from clvox.ops.layout import VoxelArrays
 from clvox.ops.raymarch import Pixels, Scene, march, measure_lengths
 from clvox.ops.shading import Coat, Fog, Paint, choose_pixels, shade, shade_volume
 from clvox.ops.sky import Part, Sky, measure_sky
+from clvox.picture_rays import View
 
 RAYS_AT_ONCE = 1 << 18
 """What is known of so many rays is on the device at once, and in a processor's cache."""

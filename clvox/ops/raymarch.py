@@ -9,13 +9,13 @@ from typing import NamedTuple
 import numpy as np
 import pyopencl.array as cla
 
-from clvox.camera import PLANE_BITS, TIME_BITS, View
 from clvox.device import Session
 from clvox.device.session import Argument
 from clvox.ops.attributes import Touched
 from clvox.ops.beams import Beams, long4, ray_arguments
 from clvox.ops.layout import VoxelArrays, float4, int2, int4
 from clvox.ops.query import Rule
+from clvox.picture_rays import PLANE_BITS, TIME_BITS, View
 
 _MARCH = "raymarch/march.cl"
 
@@ -101,6 +101,11 @@ class Pixels:
         return int2(*self.size), np.uint64(self.first), np.uint64(self.count), numbers
 
 
+def width_of(session: Session) -> int:
+    """How many rays a work-item follows: elsewhere work-items are side by side already."""
+    return WIDTH if session.device.kind == "cpu" else 1
+
+
 def march(
     session: Session, scene: Scene, view: View, pixels: Pixels, beams: Beams | None = None
 ) -> Hits:
@@ -140,7 +145,7 @@ def _follow(
     arrays = scene.arrays
     none = arrays.voxels
     known: tuple[Argument, ...] = none, int4((0, 0, 0)), none, none
-    width = WIDTH if session.device.kind == "cpu" else 1
+    width = width_of(session)
     defines = {"RULE": scene.rule, "LENGTHS": lengths, "WIDTH": width}
     defines |= {"PLANE": 0, "TILE": 0, "STATES": 0}
     plane = 0, 0, 0, 0

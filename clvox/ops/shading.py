@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 import pyopencl.array as cla
 
-from clvox.camera import View
 from clvox.device import Session
 from clvox.device.session import Argument
 from clvox.ops.beams import ray_arguments
@@ -16,6 +15,7 @@ from clvox.ops.layout import float4, int2, int4
 from clvox.ops.query import Rule
 from clvox.ops.raymarch import Hits, Pixels, Scene
 from clvox.ops.sky import MARGIN, Sky
+from clvox.picture_rays import View
 
 _SHADE, _VOLUME = "raymarch/shade.cl", "raymarch/shade_volume.cl"
 _CHOOSE = "raymarch/choose.cl"

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from clvox.camera import PLANE_BITS, TIME_BITS, Integers, Plane, Rays
+from clvox.picture_rays import PLANE_BITS, TIME_BITS, Integers, Plane, Rays
 
 
 class Visits(NamedTuple):
