@@ -343,6 +343,8 @@ __kernel void march(
             const longs voxel_y = planes_met(t - since_y + by_x, y.step, y.pace);
             const longs voxel_z = planes_met(t - since_z + ~by_z, z.step, z.pace);
             const longs held = stops & ~uniform;
+            /* Of a model that is all inside there is no brick to read. */
+            const bool reads = any_of(held);
 #if STATES
             const longs cell = index & held, state = LOOK_UP(states, cell);
 #endif
@@ -363,7 +365,8 @@ __kernel void march(
                 for (int twice = 0; twice < 2; ++twice) {
                     const longs bit = at_voxel & 0xffffffffL & live;
                     const longs words = base + (bit >> 5);
-                    const longs bits = LOOK_UP_WORDS(words);
+                    longs bits = 0;
+                    if (reads) bits = LOOK_UP_WORDS(words);
                     const longs next = min(out_x, min(out_y, out_z));
 #if LENGTHS
                     const longs taken = -(bits >> (bit & 31) & 1) & live;
