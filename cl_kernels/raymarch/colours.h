@@ -21,7 +21,7 @@ static inline uchar to_byte(const float part)
     return (uchar)(int)(part * 255.0f + 0.5f);
 }
 
-/* sRGB's curve, but near 0, by roots, within a tenth of a grey level: a power takes longer. */
+/* sRGB's curve, but near 0, by roots, within 0.012 of a grey level: a power takes longer. */
 static inline float4 srgb_by_roots(const float4 value)
 {
     const float4 second = sqrt(value), fourth = sqrt(second), eighth = sqrt(fourth);

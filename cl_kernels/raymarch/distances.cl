@@ -37,26 +37,46 @@ __kernel void occupy(
     distances[id] = found ? 0 : MOST;
 }
 
-/* One work-item looks at one cell, 0 where it is not wholly inside, else MOST: as occupy() does,
- * for the way to where the inside ends. */
+/* One work-item looks at one block, as occupy() does: MOST where all of it is inside, else 0. */
 __kernel void fill(
-    const int4 cells, const __global uint *restrict inside, __global uchar *restrict distances)
+    const int4 blocks, const int4 cells, const __global uint *restrict inside,
+    __global uchar *restrict distances)
 {
     const ulong id = get_global_id(0);
     ulong number = id;
-    const int x = take_place(&number, cells.x), y = take_place(&number, cells.y);
+    const int x = take_place(&number, blocks.x), y = take_place(&number, blocks.y);
     const int z = (int)number;
-    if (z >= cells.z) return;
-    distances[id] = inside[cell_word(cells, x, y, z)] >> (x % 32) & 1 ? MOST : 0;
+    if (z >= blocks.z) return;
+    uint found = 0;
+    for (int k = z * SIDE; k < min((z + 1) * SIDE, cells.z); ++k)
+        for (int j = y * SIDE; j < min((y + 1) * SIDE, cells.y); ++j)
+            for (int i = x * SIDE; i < min((x + 1) * SIDE, cells.x); i += 32) {
+                const int count = min((x + 1) * SIDE, cells.x) - i;
+                const uint bits = count < 32 ? (1u << count) - 1u : 0xffffffffu;
+                found |= (~inside[cell_word(cells, i, j, k)] >> (i % 32)) & bits;
+            }
+    distances[id] = found ? 0 : MOST;
+}
+
+/* One work-item puts together what is known of one of `count` blocks, from how far the next one is
+ * that is not empty, and that is not inside (raymarch/states.h); at most `most`, which is what
+ * the grid is long, so that no ray goes much beyond it. */
+__kernel void join(
+    const ulong count, const uint most, const __global uchar *restrict outer,
+    const __global uchar *restrict inner, __global uchar *restrict distances)
+{
+    const ulong id = get_global_id(0);
+    if (id >= count) return;
+    const uint away = min(max((uint)inner[id], (uint)outer[id]), most);
+    distances[id] = inner[id] > 0 ? INSIDE_STATE | away : away;
 }
 
 /* One work-item puts together what is known of one cell.
- * outer, inner: (cells,) uint8, how far the next cell is that is not empty, and not inside.
+ * distances: (cells,) uint8, as join() leaves them.
  * states: (cells,) uint32 (raymarch/states.h). */
 __kernel void merge(
     const int4 cells, const __global uint *restrict boundary, const __global uint *restrict rank,
-    const __global uchar *restrict outer, const __global uchar *restrict inner,
-    __global uint *restrict states)
+    const __global uchar *restrict distances, __global uint *restrict states)
 {
     const ulong id = get_global_id(0);
     ulong number = id;
@@ -64,8 +84,7 @@ __kernel void merge(
     const int z = (int)number;
     if (z >= cells.z) return;
     const uint brick = find_coarse(cells, boundary, rank, x, y, z);
-    const uint alone = inner[id] > 0 ? INSIDE_STATE | inner[id] : outer[id];
-    states[id] = brick != NO_BRICK ? brick : UNIFORM | alone;
+    states[id] = brick != NO_BRICK ? brick : UNIFORM | distances[id];
 }
 
 /* One work-item looks along one axis; blocks lie `apart` in the array, `count` of them in a row. */

@@ -11,6 +11,7 @@
  *             MOST  largest distance
  */
 #include "raymarch/rays.h"
+#include "raymarch/states.h"
 
 /* More than float32 and the rounding of directions are off, in blocks; and more than float32 is off
  * at a distance, as a part of it. */
@@ -32,7 +33,8 @@ static inline float most_of(const float4 parts)
 /* One work-item follows one tile.
  * size: rays along a row and a column; blocks: shape of the grid of blocks; per_block: steps along
  * the sides of a block; end: in directions, where all rays are past the grid.
- * distances: (blocks,) uint8.  starts: (tiles,) float32, in directions; INFINITY for a miss. */
+ * distances: (blocks,) uint8 (raymarch/states.h).
+ * starts: (tiles,) float32, in directions; INFINITY for a miss. */
 __kernel void find_starts(
     const int2 size, const int4 blocks, const float4 per_block, const float end, RAY_PARAMETERS,
     const __global uchar *restrict distances, __global float *restrict starts)
@@ -68,7 +70,8 @@ __kernel void find_starts(
         const float in_z = clamp(z, 0.0f, (float)blocks.z);
         const int i = min((int)in_x, blocks.x - 1), j = min((int)in_y, blocks.y - 1);
         const int k = min((int)in_z, blocks.z - 1);
-        const int distance = distances[((ulong)k * blocks.y + j) * blocks.x + i];
+        const int near = distances[((ulong)k * blocks.y + j) * blocks.x + i];
+        const int distance = near < INSIDE_STATE ? near : 0;
         const float rest =
             fmin(fmin(fmin(in_x - i, i + 1 - in_x), fmin(in_y - j, j + 1 - in_y)),
                  fmin(in_z - k, k + 1 - in_z));

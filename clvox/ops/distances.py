@@ -8,7 +8,6 @@ import numpy as np
 import pyopencl.array as cla
 
 from clvox.device import Session
-from clvox.device.session import Argument
 from clvox.grid import Shape
 from clvox.ops.layout import VoxelArrays, cell_shape, int4
 from clvox.ops.query import Rule
@@ -27,10 +26,11 @@ DENSE_SIDE = 8
 
 @dataclass(frozen=True)
 class Distances:
-    """For each block of coarse cells its distance to one that is not empty, in blocks.
+    """For each block of coarse cells its distance to one of another kind, in blocks.
 
-    The largest of the distances along the axes; 0 for a block that is not empty itself.  A dense
-    model's voxels count as coarse cells; those known to be touched are not empty.
+    The largest of the distances along the axes: of an empty block, to one that is not; of one that
+    is all inside, to one that is not, and 128 more; else 0.  A dense model's voxels count as coarse
+    cells; those known to be touched are not empty.
 
     shape: blocks (x, y, z); side: voxels along the sides of one; values: uint8, x fastest.
     states: (cells,) uint32 of `raymarch/states.h`, if blocks are cells of voxels.
@@ -67,28 +67,29 @@ def measure_distances(
         side *= 2
     shape = cell_shape(whole, (side, side, side))
     count = int(np.prod(shape, dtype=np.int64))
-    given = session.empty(count, np.uint8)
     defines = {"SIDE": side, "MOST": MOST, "LEVELS": 2}
     if cells is None or arrays.inside is None:
-        bits: tuple[Argument, ...] = arrays.voxels, arrays.voxels if edge is None else edge
+        marks, inside = arrays.voxels if edge is None else edge, arrays.voxels
+        taken = arrays.voxels
     else:
-        bits = cells.boundary, arrays.inside
+        taken, marks, inside = cells.boundary, arrays.inside, arrays.inside
+    outer, inner = session.empty(count, np.uint8), session.empty(count, np.uint8)
     kernel = session.kernel(_FILE, "occupy", **defines)
-    session.run(kernel, count, int4(shape), int4(whole), *bits, given, steps=side * side)
-    values = _spread(session, shape, given, defines)
-    x, y, z = (side * np.prod([(1, 1, 1), *arrays.levels[1:]], axis=0)).tolist()
-    sides = x, y, z
-    if cells is None or arrays.inside is None or cells.finer is not None or side > 1:
-        return Distances(shape, sides, values, None, take_crumbs(session, arrays, edge))
-    inner = session.empty(count, np.uint8)
+    session.run(kernel, count, int4(shape), int4(whole), taken, marks, outer, steps=side * side)
     kernel = session.kernel(_FILE, "fill", **defines)
-    session.run(kernel, count, int4(shape), arrays.inside, inner)
-    inner = _spread(session, shape, inner, defines)
+    session.run(kernel, count, int4(shape), int4(whole), inside, inner, steps=side * side)
+    outer, inner = (_spread(session, shape, given, defines) for given in (outer, inner))
+    values = session.empty(count, np.uint8)
+    kernel = session.kernel(_FILE, "join", **defines)
+    session.run(kernel, count, np.uint64(count), np.uint32(max(shape)), outer, inner, values)
+    x, y, z = (side * np.prod([(1, 1, 1), *arrays.levels[1:]], axis=0)).tolist()
+    crumbs = take_crumbs(session, arrays, edge)
+    if cells is None or arrays.inside is None or cells.finer is not None or side > 1:
+        return Distances(shape, (x, y, z), values, None, crumbs)
     states = session.empty(count, np.uint32)
     kernel = session.kernel(_FILE, "merge", **defines)
-    tree = int4(shape), cells.boundary, cells.rank
-    session.run(kernel, count, *tree, values, inner, states)
-    return Distances(shape, sides, values, states, take_crumbs(session, arrays, edge))
+    session.run(kernel, count, int4(shape), cells.boundary, cells.rank, values, states)
+    return Distances(shape, (x, y, z), values, states, crumbs)
 
 
 def take_crumbs(

@@ -19,6 +19,9 @@ from clvox.picture_rays import PLANE_BITS, TIME_BITS, View
 
 _MARCH = "raymarch/march.cl"
 
+WIDTH = 8
+"""Rays that go side by side on a processor, as the parts of a vector."""
+
 
 @dataclass(frozen=True)
 class Scene:
@@ -112,6 +115,11 @@ class Pixels:
         return int2(*self.size), np.uint64(self.first), np.uint64(self.count), numbers
 
 
+def width_of(session: Session) -> int:
+    """How many rays a work-item follows: elsewhere work-items are side by side already."""
+    return WIDTH if session.device.kind == "cpu" else 1
+
+
 def march(
     session: Session, scene: Scene, view: View, pixels: Pixels, beams: Beams | None = None
 ) -> Hits:
@@ -151,7 +159,9 @@ def _follow(
     arrays = scene.arrays
     none = arrays.voxels
     known: tuple[Argument, ...] = none, int4((0, 0, 0)), none, none
-    defines = {"RULE": scene.rule, "LENGTHS": lengths, "PLANE": 0, "TILE": 0, "STATES": 0}
+    width = width_of(session)
+    defines = {"RULE": scene.rule, "LENGTHS": lengths, "WIDTH": width}
+    defines |= {"PLANE": 0, "TILE": 0, "STATES": 0}
     plane = 0, 0, 0, 0
     if view.cut is not None:
         plane = *view.cut.normal, view.cut.most
@@ -168,9 +178,9 @@ def _follow(
     box = int4(arrays.shape), int4(arrays.columns), int4(view.low), int4(view.high)
     session.run(
         kernel,
-        pixels.rays,
+        -(-pixels.rays // width),
         *pixels.arguments(none),
         *(*box, float4(scene.spacing), *ray_arguments(view.rays), long4(plane), *known),
         *(*arrays.arguments(scene.edge), voxels, far),
-        steps=sum(arrays.columns) // (4 if beams else 1) + 1,
+        steps=width * (sum(arrays.columns) // (4 if beams else 1) + 1),
     )

@@ -186,6 +186,18 @@ def block_distances(occupied: NDArray[np.bool_], most: int) -> NDArray[np.uint8]
     return found
 
 
+def block_kinds(
+    occupied: NDArray[np.bool_], full: NDArray[np.bool_], most: int
+) -> NDArray[np.uint8]:
+    """Return how many blocks each block is away from the next one of another kind.
+
+    0 for a block that is occupied, and not *full*: all inside.  At most *most*, and 128 more for a
+    full one; [z, y, x] uint8.
+    """
+    inner = block_distances(~full, most) + np.uint8(128)
+    return np.where(full, inner, block_distances(occupied, most)).astype(np.uint8)
+
+
 def brick_crumbs(voxels: NDArray[np.bool_]) -> int:
     """Return which of the 4 x 4 x 4 parts of a brick hold part of a voxel that is taken.
 

@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from numpy.typing import NDArray
+from pyopencl.array import Array
 
 from clvox.camera import Camera
 from clvox.device import Session
@@ -19,7 +21,7 @@ from clvox.ops.layout import VoxelArrays
 from clvox.ops.multilevel import rank_cells
 from clvox.ops.raymarch import Pixels, Scene, march, measure_lengths
 from clvox.reference.multilevel import pack_bits
-from clvox.reference.raymarch import block_distances, brick_crumbs
+from clvox.reference.raymarch import block_kinds, brick_crumbs
 from tests.kernels.cases import INTERPRETED
 
 SIZE = 19, 13
@@ -39,6 +41,22 @@ def model(session: Session, seed: int, cells: Shape, brick: Shape, share: float)
     return VoxelArrays((shape[0], shape[1], shape[2]), session.upload(words), held, inner)
 
 
+def unpack(words: Array, shape: Shape) -> NDArray[np.bool_]:
+    """Bits of a grid, [z, y, x]."""
+    bits = np.unpackbits(words.get().view(np.uint8), axis=-1, bitorder="little")
+    return bits.reshape(shape[2], shape[1], -1)[..., : shape[0]] > 0
+
+
+def in_blocks(
+    cells: NDArray[np.bool_], blocks: Shape, side: int, *, beyond: bool
+) -> NDArray[np.bool_]:
+    """Cells by blocks, [z, z within, y, y within, x, x within]; and what is beyond the grid."""
+    x, y, z = blocks
+    padded = np.full((z * side, y * side, x * side), beyond)
+    padded[tuple(slice(count) for count in cells.shape)] = cells
+    return padded.reshape(z, side, y, side, x, side)
+
+
 @pytest.mark.parametrize("most_blocks", [1 << 20, 100, 7])
 @pytest.mark.parametrize(
     ("cells", "share"), [((9, 7, 5), 0.02), ((37, 3, 4), 0.005), ((4, 4, 4), 0.0), ((1, 1, 1), 1.0)]
@@ -48,15 +66,13 @@ def test_distances(session: Session, most_blocks: int, cells: Shape, share: floa
     found = measure_distances(session, arrays, most_blocks=most_blocks)
     assert arrays.cells is not None
     assert arrays.inside is not None
-    words = arrays.cells.boundary.get() | arrays.inside.get()
-    bits = np.unpackbits(words.view(np.uint8), axis=-1, bitorder="little")[..., : cells[0]]
     side = found.side[0] // 2
     assert np.prod(found.shape) <= most_blocks
-    padded = np.zeros([count * side for count in found.shape[::-1]], bool)
-    padded[: cells[2], : cells[1], : cells[0]] = bits
+    boundary, inside = unpack(arrays.cells.boundary, cells), unpack(arrays.inside, cells)
+    occupied = in_blocks(boundary | inside, found.shape, side, beyond=False).any(axis=(1, 3, 5))
+    full = in_blocks(inside, found.shape, side, beyond=True).all(axis=(1, 3, 5))
     x, y, z = found.shape
-    blocks = np.asarray(padded.reshape(z, side, y, side, x, side).any(axis=(1, 3, 5)))
-    expected = block_distances(blocks, MOST)
+    expected = block_kinds(occupied, full, min(MOST, max(found.shape)))
     np.testing.assert_array_equal(found.values.get().reshape(z, y, x), expected)
 
 
@@ -65,6 +81,7 @@ def test_distances_of_a_dense_model(session: Session, touched: bool) -> None:
     """Its voxels are the cells, eight to a block; and those that are touched are not empty."""
     rng = np.random.default_rng(7)
     voxels = rng.random((37, 20, 70)) < 1e-4
+    voxels[5:30, :, 20:50] = True
     arrays = VoxelArrays((70, 20, 37), session.upload(pack_bits(voxels)))
     edge = rng.random(voxels.shape) < 1e-4
     assert (edge & ~voxels).any()
@@ -72,12 +89,12 @@ def test_distances_of_a_dense_model(session: Session, touched: bool) -> None:
     found = measure_distances(session, arrays, marks)
     assert found.shape == (9, 3, 5)
     assert found.side == (8, 8, 8)
-    padded = np.zeros((40, 24, 72), bool)
-    padded[:37, :20, :70] = (voxels | edge) if touched else voxels
-    blocks = np.asarray(padded.reshape(5, 8, 3, 8, 9, 8).any(axis=(1, 3, 5)))
-    np.testing.assert_array_equal(
-        found.values.get().reshape(5, 3, 9), block_distances(blocks, MOST)
-    )
+    taken = (voxels | edge) if touched else voxels
+    occupied = in_blocks(taken, found.shape, 8, beyond=False).any(axis=(1, 3, 5))
+    full = in_blocks(voxels, found.shape, 8, beyond=True).all(axis=(1, 3, 5))
+    assert full.any()
+    expected = block_kinds(occupied, full, MOST)
+    np.testing.assert_array_equal(found.values.get().reshape(5, 3, 9), expected)
 
 
 def test_one_word_tells_all_about_a_cell(session: Session) -> None:
@@ -87,13 +104,9 @@ def test_one_word_tells_all_about_a_cell(session: Session) -> None:
     assert found.states is not None
     assert arrays.cells is not None
     assert arrays.inside is not None
-    boundary, inside = (
-        np.unpackbits(words.get().view(np.uint8), axis=-1, bitorder="little")[..., :9] > 0
-        for words in (arrays.cells.boundary, arrays.inside)
-    )
-    outer = block_distances(boundary | inside, MOST)
-    inner = block_distances(~inside, MOST)
-    expected = 0xFFFFFF00 + np.where(inside, 0x80 + inner.astype(np.int64), outer)
+    shape = 9, 7, 5
+    boundary, inside = unpack(arrays.cells.boundary, shape), unpack(arrays.inside, shape)
+    expected = 0xFFFFFF00 + block_kinds(boundary | inside, inside, MOST).astype(np.int64)
     expected[boundary] = np.arange(boundary.sum())
     np.testing.assert_array_equal(found.states.get().reshape(5, 7, 9), expected)
 

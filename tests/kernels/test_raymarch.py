@@ -15,6 +15,7 @@ from clvox.camera import Camera
 from clvox.device import Session
 from clvox.errors import GridError
 from clvox.grid import Grid, Shape
+from clvox.ops import raymarch
 from clvox.ops.layout import Cells, VoxelArrays, cell_shape
 from clvox.ops.raymarch import Hits, Pixels, Scene, march, measure_lengths
 from clvox.picture_rays import Plane, Rays, View
@@ -212,6 +213,25 @@ def test_any_number_of_rays(session: Session, size: tuple[int, int]) -> None:
     within = measure_lengths(session, scene, view, Pixels.whole(size)).get()
     expected = lengths(voxels, rays, size, ONES)
     np.testing.assert_allclose(within.reshape(expected.shape), expected, atol=1e-5)
+
+
+def test_rays_alone_and_side_by_side(session: Session, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Meet the same, at the same places, whatever the device would choose."""
+    voxels = np.random.default_rng(11).random((9, 10, 11)) < 0.2
+    grid, size = Grid((0, 0, 0), 1.0, (11, 10, 9)), (13, 5)
+    view = Camera.around(grid).view(grid, size)
+    scene, pixels = Scene(two_levels(session, voxels, (4, 3, 5)), ONES), Pixels.whole(size)
+    found = []
+    for wide in (1, 8):
+        monkeypatch.setattr(raymarch, "width_of", lambda _, wide=wide: wide)
+        hits = march(session, scene, view, pixels)
+        within = measure_lengths(session, scene, view, pixels)
+        found.append([part.get() for part in (*hits, within)])
+    for alone, beside in zip(*found, strict=True):
+        np.testing.assert_array_equal(alone, beside)
+    np.testing.assert_array_equal(
+        found[0][0].reshape(5, 13, 4)[..., :3], first_voxels(voxels, view.rays, size)
+    )
 
 
 @pytest.mark.parametrize("listed", [False, True])
