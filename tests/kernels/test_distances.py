@@ -47,14 +47,13 @@ def unpack(words: Array, shape: Shape) -> NDArray[np.bool_]:
     return bits.reshape(shape[2], shape[1], -1)[..., : shape[0]] > 0
 
 
-def in_blocks(
-    cells: NDArray[np.bool_], blocks: Shape, side: int, *, beyond: bool
-) -> NDArray[np.bool_]:
-    """Cells by blocks, [z, z within, y, y within, x, x within]; and what is beyond the grid."""
+def any_in_blocks(cells: NDArray[np.bool_], blocks: Shape, side: int) -> NDArray[np.bool_]:
+    """Whether any of the cells of each block is set, [z, y, x]; beyond the grid none is."""
     x, y, z = blocks
-    padded = np.full((z * side, y * side, x * side), beyond)
+    padded = np.zeros((z * side, y * side, x * side), dtype=np.bool_)
     padded[tuple(slice(count) for count in cells.shape)] = cells
-    return padded.reshape(z, side, y, side, x, side)
+    result: NDArray[np.bool_] = padded.reshape(z, side, y, side, x, side).any(axis=(1, 3, 5))
+    return result
 
 
 @pytest.mark.parametrize("most_blocks", [1 << 20, 100, 7])
@@ -69,8 +68,8 @@ def test_distances(session: Session, most_blocks: int, cells: Shape, share: floa
     side = found.side[0] // 2
     assert np.prod(found.shape) <= most_blocks
     boundary, inside = unpack(arrays.cells.boundary, cells), unpack(arrays.inside, cells)
-    occupied = in_blocks(boundary | inside, found.shape, side, beyond=False).any(axis=(1, 3, 5))
-    full = in_blocks(inside, found.shape, side, beyond=True).all(axis=(1, 3, 5))
+    occupied = any_in_blocks(boundary | inside, found.shape, side)
+    full = ~any_in_blocks(~inside, found.shape, side)
     x, y, z = found.shape
     expected = block_kinds(occupied, full, min(MOST, max(found.shape)))
     np.testing.assert_array_equal(found.values.get().reshape(z, y, x), expected)
@@ -90,8 +89,8 @@ def test_distances_of_a_dense_model(session: Session, touched: bool) -> None:
     assert found.shape == (9, 3, 5)
     assert found.side == (8, 8, 8)
     taken = (voxels | edge) if touched else voxels
-    occupied = in_blocks(taken, found.shape, 8, beyond=False).any(axis=(1, 3, 5))
-    full = in_blocks(voxels, found.shape, 8, beyond=True).all(axis=(1, 3, 5))
+    occupied = any_in_blocks(taken, found.shape, 8)
+    full = ~any_in_blocks(~voxels, found.shape, 8)
     assert full.any()
     expected = block_kinds(occupied, full, MOST)
     np.testing.assert_array_equal(found.values.get().reshape(5, 3, 9), expected)
