@@ -457,7 +457,9 @@ def test_levels_do_not_show_where_the_mesh_is_thin() -> None:
         np.testing.assert_array_equal(opaque(one), opaque(other))
 
 
-@pytest.mark.skipif(len(clvox.devices()) < 2, reason="needs two OpenCL devices: run on Intel's runtime")
+@pytest.mark.skipif(
+    len(clvox.devices()) < 2, reason="needs two OpenCL devices: run on Intel's runtime"
+)
 @pytest.mark.parametrize("style", ["surface", "voxels", "volume"])
 def test_devices_differ_by_rounding(style: Any) -> None:
     """By one step of a byte, in all but one of 10,000 pixels."""

@@ -52,7 +52,7 @@ def any_in_blocks(cells: NDArray[np.bool_], blocks: Shape, side: int) -> NDArray
     x, y, z = blocks
     padded = np.zeros((z * side, y * side, x * side), dtype=np.bool_)
     padded[tuple(slice(count) for count in cells.shape)] = cells
-    result: NDArray[np.bool_] = padded.reshape(z, side, y, side, x, side).any(axis=(1, 3, 5))
+    result: NDArray[np.bool_] = padded.reshape(z, side, y, side, x, side).max(axis=(1, 3, 5))
     return result
 
 
