@@ -30,7 +30,10 @@
 #define WIDEST_STEPS (1 << min(20, 15 + (STEP_BITS - 1) / 2))
 #define WIDEST min(64, WIDEST_STEPS / (LARGEST_SIDE << STEP_BITS) - 16)
 
-#define LANES ((int8)(0, 1, 2, 3, 4, 5, 6, 7))
+/* So many blocks take about as long as 64 columns of cells. */
+#define MOST_BLOCKS 64
+
+#define LANE ((int8)(0, 1, 2, 3, 4, 5, 6, 7))
 #define EACH_BYTE 0x0101010101010101UL
 
 /* first: the cell in the corner of the block, which may lie outside of the grid; from, to: the
@@ -81,9 +84,9 @@ static inline long make_lines(
 /* A byte for each q, and in it a bit for each p up to `last`: the cells that a shadow touches. */
 static inline ulong shadow_of(const Line *lines, const int last)
 {
-    int8 a = lines[0].start + lines[0].step_q * LANES;
-    int8 b = lines[1].start + lines[1].step_q * LANES;
-    int8 c = lines[2].start + lines[2].step_q * LANES;
+    int8 a = lines[0].start + lines[0].step_q * LANE;
+    int8 b = lines[1].start + lines[1].step_q * LANE;
+    int8 c = lines[2].start + lines[2].step_q * LANE;
     int8 outside = 0;
     for (int p = 0; p <= last; ++p) {
         outside |= ((a | b | c) >> 31) & (1 << p);
@@ -126,22 +129,25 @@ static inline bool fits_block(const int3 more)
     return max(more.x, max(more.y, more.z)) < BLOCK;
 }
 
-/* Is the triangle done soonest in blocks?  If there is one; or if its widest shadow has as many
- * cells as its box has blocks, since most of those are then looked at for something. */
+/* Is the triangle done soonest in blocks?  If there is one; or if there are few, and its widest
+ * shadow has as many cells as its box has blocks: most of those are then looked at for
+ * something. */
 static inline bool suits_blocks(const int3 a, const int3 b, const int3 c, const int3 more)
 {
     if (fits_block(more)) return true;
     if (max(more.x, max(more.y, more.z)) > WIDEST) return false;
+    const int3 blocks = more / BLOCK + 2;
+    const int count = blocks.x * blocks.y * blocks.z;
+    if (count > MOST_BLOCKS) return false;
     const float x = fabs((float)cross2(a.yz, b.yz, c.yz)) * (1.0f / (CELL_Y * CELL_Z));
     const float y = fabs((float)cross2(a.zx, b.zx, c.zx)) * (1.0f / (CELL_Z * CELL_X));
     const float z = fabs((float)cross2(a.xy, b.xy, c.xy)) * (1.0f / (CELL_X * CELL_Y));
-    const int3 blocks = more / BLOCK + 2;
-    return max(x, max(y, z)) * (0.5f / (1 << STEP_BITS) / (1 << STEP_BITS))
-         > (float)(blocks.x * blocks.y * blocks.z);
+    return max(x, max(y, z)) * (0.5f / (1 << STEP_BITS) / (1 << STEP_BITS)) > (float)count;
 }
 
-/* The cells of a block, where BLOCKS_FIT, that the triangle touches whose corners are given; or
- * false, if it touches none and is not `alone`. */
+/* The cells of a block, where BLOCKS_FIT, that the triangle touches whose corners are given.
+ * Returns false, having looked at none, if the block is not `alone` and lies wholly beyond a side
+ * of a shadow or the plane. */
 static inline bool fill_block(
     Block *block, const int3 corner_a, const int3 corner_b, const int3 corner_c, const bool alone)
 {
@@ -159,9 +165,9 @@ static inline bool fill_block(
                     & ~0UL << 8 * from.y & ~0UL >> (56 - 8 * to.y);
     const ulong rows_xy = shadow_of(xy, to.x) & box;
     const ulong rows_xz = shadow_of(xz, to.x);
-    int8 side_a = yz[0].start + from.z * yz[0].step_q + yz[0].step_p * LANES;
-    int8 side_b = yz[1].start + from.z * yz[1].step_q + yz[1].step_p * LANES;
-    int8 side_c = yz[2].start + from.z * yz[2].step_q + yz[2].step_p * LANES;
+    int8 side_a = yz[0].start + from.z * yz[0].step_q + yz[0].step_p * LANE;
+    int8 side_b = yz[1].start + from.z * yz[1].step_q + yz[1].step_p * LANE;
+    int8 side_c = yz[2].start + from.z * yz[2].step_q + yz[2].step_p * LANE;
 
     /* With a normal that does not point down x, the plane passes through the cell x of a row iff
      * (x + 1) * across >= near, for the corner furthest along it, and x * across < near + thick,
@@ -178,7 +184,7 @@ static inline bool fill_block(
     const long nearest = level - BLOCK * (max(along_y, 0L) + max(along_z, 0L));
     if (!alone && (nearest > BLOCK * across || nearest + BLOCK * (thick - 1) < 0)) return false;
     long8 near = level - max(along_y, 0L) - max(along_z, 0L) - from.z * along_z
-               - along_y * convert_long8(LANES);
+               - along_y * convert_long8(LANE);
     for (int z = from.z; z <= to.z; ++z) {
         const int8 before = low_bits(multiples_below(near, across, inverse)) >> 1;
         const int8 up_to = low_bits(multiples_below(near + thick, across, inverse));

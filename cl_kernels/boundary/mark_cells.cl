@@ -24,7 +24,8 @@
 #define CELLS 0
 #define VOXELS 1
 
-/* A block has few bits in a word that are known already: nobody waits for the answer of a look. */
+/* A block brings many bits of a word at once, and one of them is nearly always new: a look at the
+ * word first would cost its wait and save nothing. */
 static inline void set_bits(__global uint *word, const uint bits)
 {
     if (bits) atomic_or(word, bits);

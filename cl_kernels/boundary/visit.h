@@ -3,9 +3,9 @@
  *
  * Small triangles fill blocks of bits (boundary/block.h).  Others walk the columns of cells in
  * their shadow along the dominant axis of their normal, and their plane bounds the cells of each
- * column: never all cells of a box.  A triangle within one row or one layer of cells takes a
- * shorter way.  What is done with a pair is up to the sink, which comes first: SINK_PARAMETERS,
- * MAKE_SINK(grid), the type Sink, and
+ * column: never all cells of a box.  A triangle within one row of cells takes a shorter way, and so
+ * does one within a layer that is too small or too large for blocks.  What is done with a pair is
+ * up to the sink, which comes first: SINK_PARAMETERS, MAKE_SINK(grid), the type Sink, and
  *
  *     mark(&sink, cell, triangle)   for each pair, once
  *     finish(&sink)                 when a work-item has no more
@@ -21,7 +21,8 @@
  *
  * Defines:    VISIT_HINT attributes of the kernels, if a sink needs any
  *             RUN        triangles in a row that one work-item does directly
- *             DIRECT     most columns of a triangle that is done directly; blocks have 64
+ *             DIRECT     most columns of a triangle that is done directly: below 64, the columns of
+ *                        a block, there are no blocks, and from 64 on columns only within a layer
  *             TILE       its square is about how many columns a tile has (common/tiles.h)
  *             STEP_BITS, CELL_*  (boundary/overlap.h)
  */
@@ -189,7 +190,7 @@ static bool mark_triangle(
                    box, first.z, triangle);
         return true;
     }
-    /* Few are left, and who builds the kernel waits for less. */
+    /* The few that are left become tiles: without them the kernel is built sooner. */
     if (TRIES_BLOCKS) return false;
     Solid s;
     const int4 box = make_solid(&s, faces, vertices, triangle, grid);

@@ -15,7 +15,8 @@ _CELLS, _VOXELS = 0, 1
 _FLAT_RUN = 256
 
 DIRECT = 64
-"""Most columns of cells of a triangle that one work-item does alone."""
+"""Most columns of cells of a triangle that one work-item does alone, within one layer of cells; as
+many as a block has, and with fewer there are no blocks."""
 
 TILE = 16
 """A tile has about as many touched columns as a square of that side."""
