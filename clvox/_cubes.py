@@ -161,8 +161,9 @@ def march(grid: Grid, region: Region, keys: NDArray[np.int64]) -> Mesh:
     faces = np.empty((corners[-1], 3), np.int64)
 
     def work(start: int, stop: int) -> None:
-        # Written and read only where cubes are: a look-up without a search.
-        index = np.empty(span + region.reach + 1, np.int32)
+        # Written and read only where cubes are: a look-up without a search.  A row of a layer, and
+        # the same of the layer above, however far that is.
+        index = np.empty((2, span + region.sides[0] + 1), np.int32)
         for part, (a, b) in enumerate(parts):
             if start <= a < stop:
                 cubes = _Cubes.near(region, keys, ends, a, b)
@@ -239,7 +240,10 @@ class _Cubes(NamedTuple):
     def connect(self, region: Region, index: NDArray[np.int32], faces: NDArray[np.int64]) -> None:
         """Write the triangles of the own cubes; *index* is room for a number at each place."""
         known, own = table(), self.own
-        index[self.places] = np.arange(len(self.places), dtype=np.int32)
+        everyone = np.arange(len(self.places), dtype=np.int32)
+        stop, above = np.searchsorted(self.places, (index.shape[1], region.plane))
+        index[0, self.places[:stop]] = everyone[:stop]
+        index[1, self.places[above:] - region.plane] = everyone[above:]
         cases, places = self.cases[:own], self.places[:own]
         owners = {}
         corners = np.empty((len(known.edges), own), np.int64)
@@ -247,8 +251,8 @@ class _Cubes(NamedTuple):
             z, y, x = corner
             if (z, y, x) not in owners:
                 # Of cubes that are not there, numbers are nonsense, and no triangle's.
-                step = z * region.plane + y * region.sides[0] + x
-                owners[z, y, x] = index.take(places + step, mode="clip")
+                step = y * region.sides[0] + x
+                owners[z, y, x] = index[z].take(places + step, mode="clip")
             self.numbers[axis].take(owners[z, y, x], out=corners[edge], mode="clip")
         count = known.count.take(cases)
         # Per triangle, its row in the table: the first of its cube's, and counting on.

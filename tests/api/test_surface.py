@@ -431,3 +431,21 @@ def test_what_does_not_fit_is_refused(options: dict[str, Any], words: str) -> No
 def test_a_read_of_the_wrong_shape_is_refused() -> None:
     with pytest.raises(GridError, match=r"must return the shape \(5, 4, 3\)"):
         extract(Grid((0, 0, 0), 1, (3, 4, 5)), lambda _start, _stop: np.zeros((3, 4, 5), bool))
+
+
+def test_far_and_wide_grids_need_no_memory() -> None:
+    """Of a layer of 1.7e10 cubes only those that are listed take room."""
+    grid = Grid((0, 0, 0), 1, (131_000, 131_000, 2))
+    region = _cubes.Region.of(((0, 131_001), (0, 131_001), (0, 3)))
+    # The cube c lies between voxels c - 1 and c: one voxel is in eight of them.
+    z, y, x = (part.ravel() for part in np.indices((2, 2, 2)))
+    cases = (1 << (7 - (4 * z + 2 * y + x))).astype(np.uint8)
+    keys = region.keys(z, y + 130_000, x + 120_000, cases)
+    tracemalloc.start()
+    vertices, faces = _cubes.march(grid, region, np.sort(keys))
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 10 << 20
+    assert faces.shape == (8, 3)
+    assert np.array_equal(vertices.mean(axis=0), (120_000.5, 130_000.5, 0.5))
+    assert signed_volume((vertices, faces)) == pytest.approx(1 / 6)
