@@ -276,7 +276,7 @@ static inline Estimate wind_near(const Surroundings *around, const int3 p, CAPS_
     Estimate sum = around->far;
     for (int i = 0; i < around->count; ++i) {
         const int node = around->near[i];
-        add_nodes(&sum, node, places[5 * node + 3], p, 0.0f, 1.0f, CAPS);
+        add_nodes(&sum, node, places[5 * node + 3], p, 0.0f, AROUND_CARE, CAPS);
     }
     return settled(sum);
 }
