@@ -26,8 +26,8 @@
 #include "common/tiles.h"
 #include "crossings/sinks.h"
 
-#define CUBES(side) (BRICK_X == side && BRICK_Y == side && BRICK_Z == side)
-#if SINK == BRICKS && WIDE && EDGE_BITS == 32 && DIRECT <= 1 << 12 && (CUBES(4) || CUBES(8))
+#define CUBIC_BRICKS(side) (BRICK_X == side && BRICK_Y == side && BRICK_Z == side)
+#if SINK == BRICKS && WIDE && EDGE_BITS == 32 && DIRECT <= 1 << 12 && (CUBIC_BRICKS(4) || CUBIC_BRICKS(8))
 #include "crossings/patches.h"
 #else
 #include "crossings/rasterise.h"

@@ -40,13 +40,8 @@ __kernel void list_near(
     const int3 low = min(min(a, b), c);
     const int3 high = max(max(a, b), c);
     if (any(low > last.xyz) || any(high < first.xyz)) return;
-    const int3 side = CELL_SIDES;
-    const int3 from = max(
-        (int3)(first_touched(low.x, side.x), first_touched(low.y, side.y),
-               first_touched(low.z, side.z)), (int3)(0));
-    const int3 to = min(
-        (int3)(last_touched(high.x, side.x), last_touched(high.y, side.y),
-               last_touched(high.z, side.z)), grid.xyz - 1);
+    const int3 from = max(first_cell_of(low), (int3)(0));
+    const int3 to = min(last_cell_of(high), grid.xyz - 1);
     if (to.x < from.x || to.y < from.y || to.z < from.z) return;
     const int3 sides = to - from + 1;
     const int row_words = (grid.x + 31) / 32;

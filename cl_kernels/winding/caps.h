@@ -204,8 +204,9 @@ static inline bool add_dipole(
     return true;
 }
 
-/* Adds the nodes from `at` to before `end`, seen from p and all samples within `reach`; gives up
- * when nothing is known.
+/* Adds the nodes from `at` to before `end`, seen from p and all samples within `reach`.  Where the
+ * sum may be off by a half it gives up: of a part of the nodes nothing is known, however far from a
+ * half the sum of these is.
  * care: how many times as far as it is wide a node must be, at least, to be seen as a dipole. */
 static inline void add_nodes(
     Estimate *sum, int at, const int end, const int3 p, const float reach, const float care,
@@ -224,10 +225,10 @@ static inline void add_nodes(
             at = after;
         }
     }
+    if (at < end) sum->error = INFINITY;
 }
 
-/* What the caps wind around every sample within `reach` of p; nothing is known if it may be off by
- * a half or more. */
+/* What the caps wind around every sample within `reach` of p. */
 static inline Estimate wind_caps(
     const int3 p, const float reach, const float care, CAPS_PARAMETERS)
 {
@@ -244,8 +245,8 @@ typedef struct {
     int near[MOST_NEAR];
 } Surroundings;
 
-/* The surroundings of all samples within `reach` of p; nothing is known if too many nodes are near.
- */
+/* The surroundings of all samples within `reach` of p; nothing is known if too many nodes are near,
+ * or if dipoles were left out because those before may be off by a half. */
 static inline void look_around(
     Surroundings *around, const int3 p, const float reach, CAPS_PARAMETERS)
 {
@@ -265,15 +266,17 @@ static inline void look_around(
             around->far.error = INFINITY;
         }
     }
+    if (at < nodes) around->far.error = INFINITY;
 }
 
-/* What the caps wind around the sample at p, given its surroundings. */
+/* What the caps wind around the sample at p, given its surroundings; nothing is known if any node
+ * near it was given up. */
 static inline Estimate wind_near(const Surroundings *around, const int3 p, CAPS_PARAMETERS)
 {
     Estimate sum = around->far;
     for (int i = 0; i < around->count; ++i) {
         const int node = around->near[i];
-        add_nodes(&sum, node, places[5 * node + 3], p, 0.0f, 1.0f, CAPS);
+        add_nodes(&sum, node, places[5 * node + 3], p, 0.0f, AROUND_CARE, CAPS);
     }
     return settled(sum);
 }

@@ -78,7 +78,7 @@ static inline bool is_inside(
 {
     Estimate found = wind_near(around, p, CAPS);
     float over = (float)(signs + caps) - found.winding - 0.5f;
-    for (float care = 1.0f; care <= 16.0f && !(fabs(over) > found.error); care *= 4.0f) {
+    for (float care = 4.0f; care <= 16.0f && !(fabs(over) > found.error); care *= 4.0f) {
         found = wind_caps(p, 0.0f, care, CAPS);
         over = (float)(signs + caps) - found.winding - 0.5f;
     }

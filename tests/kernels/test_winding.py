@@ -117,6 +117,43 @@ def test_on_a_closed_mesh_it_is_the_positive_rule(session: Session, mesh: Mesh) 
     np.testing.assert_array_equal(found, reference.fill(*mesh, BITS, SHAPE, "positive"))
 
 
+@pytest.mark.parametrize("seed", [4, 67, 80, 99])
+def test_a_sum_that_lacks_a_part_of_the_caps_decides_nothing(session: Session, seed: int) -> None:
+    """Near concave caps a part of the sum may be far from a half, and on the wrong side of it."""
+    shape, levels = (8, 8, 8), ((2, 2, 2), (4, 4, 4))
+    part = tubes(seed, shape)
+    facets = upload_facets(session, part[0].astype(np.int32), part[1])
+    arrays = fill_winding(session, facets, rim_on(session, part), BITS, shape, levels)
+    winding = winding_numbers(*part, samples(shape, BITS))
+    sure = np.abs(winding - 0.5) > 0.01
+    np.testing.assert_array_equal(voxels_of(session, arrays).ravel()[sure], winding[sure] > 0.5)
+
+
+def tubes(seed: int, shape: Shape) -> Mesh:
+    """One to three short tubes, open at ends cut like saddles; a corner amidst the grid."""
+    rng = np.random.default_rng(seed)
+    vertices, faces = np.empty((0, 3)), np.empty((0, 3), np.int32)
+    for _ in range(rng.integers(1, 4)):
+        count = int(rng.choice([16, 32, 48]))
+        length, (first, last) = rng.uniform(0.5, 4), rng.uniform(0, 0.7, 2)
+        turn = rng.uniform(0, 2 * np.pi)
+        angle = np.arange(count) * 2 * np.pi / count
+        saddles = first * np.cos(2 * angle), length + last * np.cos(2 * angle + turn)
+        rings = [np.stack([along, np.cos(angle), np.sin(angle)], axis=1) for along in saddles]
+        spots = np.concatenate(rings) * rng.uniform(25, 50)
+        axes = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+        axes[:, 0] *= np.linalg.det(axes)
+        here = np.arange(count)
+        after = (here + 1) % count
+        sides = [(here, after, count + here), (after, count + after, count + here)]
+        own = np.concatenate([np.stack(corners, axis=1) for corners in sides])
+        faces = np.concatenate([faces, (own + len(vertices)).astype(np.int32)])
+        vertices = np.concatenate([vertices, spots @ axes.T + rng.uniform(-37.5, 37.5, 3)])
+    lattice = np.rint(vertices * (1 << BITS)).astype(np.int64)
+    middle = np.array(shape) << (BITS - 1)
+    return lattice - lattice[rng.integers(len(lattice))] + middle + rng.integers(-128, 128, 3), faces
+
+
 def test_a_small_budget_changes_nothing(session: Session) -> None:
     mesh = opened(adversarial_meshes(43, 1, BITS, SHAPE, families=["ball"])[0], 12)
     expected = by_winding(session, mesh, "small bricks")
