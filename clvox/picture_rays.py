@@ -36,7 +36,12 @@ TIME_BITS = 61
 """Bits of the moments at which a ray meets the planes between voxels; their differences fit."""
 
 PADDING = 256
-"""More voxels than lie beyond the grid in its last cell, twice, and in one more cell."""
+"""More voxels than lie beyond the grid in its last cell of voxels, twice, and in one more cell.
+
+Only with two levels do rays look farther, up to `MOST` cells of at most 64 voxels (`ops.distances`):
+with the fewest bits of a moment spare, for which reach is 2**11 voxels and the parts of directions
+have 17 bits, that is at (2**11 + 2**12) * 2**(16 + 2 * 17) < 2**63.
+"""
 
 START_BITS = 62
 """Bits of the place of a ray before its fraction is dropped."""

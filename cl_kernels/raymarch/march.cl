@@ -307,6 +307,7 @@ __kernel void march(
 #if STATES
         const longs at = index & going;
         const longs near = LOOK_UP(distances, at);
+        /* Some of these cells may be beyond the grid; they are narrow enough that moments fit. */
         const longs uniform = WHERE(near != 0), after = (near & FREE) - 1;
         const longs after_x = after, after_y = after, after_z = after;
         const longs filled = WHERE((near & INSIDE_STATE) != 0);
