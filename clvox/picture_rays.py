@@ -38,9 +38,9 @@ TIME_BITS = 61
 PADDING = 256
 """More voxels than lie beyond the grid in its last cell of voxels, twice, and in one more cell.
 
-Only with two levels do rays look farther, up to `MOST` cells of at most 64 voxels (`ops.distances`):
-with the fewest bits of a moment spare, for which reach is 2**11 voxels and the parts of directions
-have 17 bits, that is at (2**11 + 2**12) * 2**(16 + 2 * 17) < 2**63.
+Rays look farther only with two levels: up to 64 cells of at most 64 voxels (`ops.distances`).
+Where the fewest bits of a moment are spare for it, that is with a reach of 2**11 voxels and 17 bits
+of directions, such a moment is up to (2**11 + 2**12) * 2**(16 + 2 * 17), which is below 2**63.
 """
 
 START_BITS = 62
