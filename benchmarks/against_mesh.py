@@ -4,7 +4,8 @@
 
 Of each pixel the middle is looked at.  Silhouettes: how many pixels show the mesh and not the
 voxels, or the other way round, and how far the farthest of these is from the mesh's silhouette, in
-voxels.  Normals: the angle between that of the triangle and that of the voxel.
+voxels as wide as they are at the mesh's depth there.  Normals: the angle between that of the
+triangle and that of the voxel.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from __future__ import annotations
 import argparse
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import trimesh
@@ -59,22 +61,34 @@ def measure(
     both = shown & covered
     own = model.normals_at(model.grid.centers(voxels[both]))
     cosines = (own * normals[both]).sum(axis=1)
-    # A pixel is so wide where the mesh is nearest: elsewhere a voxel is fewer of them.
-    wide = 2 * np.tan(np.radians(camera.fov or 0) / 2) / size[1] * float(far[shown].min())
-    away = max(distance_to(shown, covered), distance_to(~shown, ~covered))
-    farthest = away * wide / model.grid.spacing[0]
+    # How wide pixels are, in voxels, where they show the mesh.
+    slope = 2 * np.tan(np.radians(camera.fov or 0) / 2) / size[1]
+    wide = np.where(shown, far, 0) * slope / model.grid.spacing[0]
+    farthest = max(distance_to(shown, covered, wide), distance_to(~shown, ~covered, wide))
     missing, beyond = (int(some.sum()) for some in (shown & ~covered, covered & ~shown))
     angles = np.degrees(np.arccos(cosines.clip(-1, 1)))
     return Differences(int(shown.sum()), missing, beyond, farthest, angles)
 
 
-def distance_to(shown: NDArray[np.bool_], others: NDArray[np.bool_]) -> float:
-    """Return how far the farthest pixel of *others* is from the nearest that is *shown*."""
+def distance_to(
+    shown: NDArray[np.bool_], others: NDArray[np.bool_], wide: NDArray[Any] | None = None
+) -> float:
+    """Return how far the farthest pixel of *others* is from the nearest that is *shown*.
+
+    In pixels; or, with how *wide* each is, 0 for background, in the width of that of both which
+    is none.
+    """
     beside = np.pad(shown, 1)
     inner = beside[:-2, 1:-1] & beside[2:, 1:-1] & beside[1:-1, :-2] & beside[1:-1, 2:]
     rim, beyond = np.argwhere(shown & ~inner), np.argwhere(others & ~shown)
-    far = [float(np.linalg.norm(rim - place, axis=1).min()) for place in beyond]
-    return max(far, default=0.0)
+    widths = np.ones(shown.shape) if wide is None else wide
+    most = 0.0
+    for place in beyond:
+        away = np.linalg.norm(rim - place, axis=1)
+        nearest = away.argmin()
+        width = max(widths[tuple(place)], widths[tuple(rim[nearest])])
+        most = max(most, float(away[nearest] * width))
+    return most
 
 
 def row(name: str, resolution: int, found: Differences) -> str:

@@ -36,7 +36,12 @@ TIME_BITS = 61
 """Bits of the moments at which a ray meets the planes between voxels; their differences fit."""
 
 PADDING = 256
-"""More voxels than lie beyond the grid in its last cell, twice, and in one more cell."""
+"""More voxels than lie beyond the grid in its last cell of voxels, twice, and in one more cell.
+
+Rays look farther only with two levels: up to 64 cells of at most 64 voxels (`ops.distances`).
+Where the fewest bits of a moment are spare for it, that is with a reach of 2**11 voxels and 17 bits
+of directions, such a moment is up to (2**11 + 2**12) * 2**(16 + 2 * 17), which is below 2**63.
+"""
 
 START_BITS = 62
 """Bits of the place of a ray before its fraction is dropped."""

@@ -73,12 +73,15 @@
 
 #if TILE
 
-/* How many cells follow cell `at` along one axis before something may change, if that is so for
- * all blocks that are less than `free` away. */
-static inline long cells_after(const int at, const int free, const int block, const bool turned)
+/* How many cells follow cell `at`, of `count`, along one axis before something may change, if that
+ * is so for all blocks that are less than `free` away; none beyond the grid: where blocks are wide
+ * along that axis and it has few of them, moments so far off would not fit into 64 bits. */
+static inline long cells_after(
+    const int at, const int count, const int free, const int block, const bool turned)
 {
     const int place = place_in(at, block);
-    return (free - 1) * block + (turned ? place : block - 1 - place);
+    const int same = (free - 1) * block + (turned ? place : block - 1 - place);
+    return min(same, turned ? at : count - 1 - at);
 }
 
 #endif
@@ -87,8 +90,9 @@ static inline long cells_after(const int at, const int free, const int block, co
  * turned: 1, 2 and 4 for axes along which the ray runs backwards; after: for each axis, how many
  * cells of the same kind follow. */
 static inline long state_of(
-    MODEL_PARAMETERS, const int4 blocks, const __global uchar *distances, const int x, const int y,
-    const int z, const int turned, long *after_x, long *after_y, long *after_z)
+    MODEL_PARAMETERS, const int4 columns, const int4 blocks, const __global uchar *distances,
+    const int x, const int y, const int z, const int turned, long *after_x, long *after_y,
+    long *after_z)
 {
     *after_x = *after_y = *after_z = 0;
 #if TILE
@@ -96,9 +100,9 @@ static inline long state_of(
     const uint near = distances[((ulong)near_z * blocks.y + near_y) * blocks.x + near_x];
     const int free = (int)(near & FREE);
     if (free > 0) {
-        *after_x = cells_after(x, free, BLOCK_X, turned & 1);
-        *after_y = cells_after(y, free, BLOCK_Y, turned & 2);
-        *after_z = cells_after(z, free, BLOCK_Z, turned & 4);
+        *after_x = cells_after(x, columns.x, free, BLOCK_X, turned & 1);
+        *after_y = cells_after(y, columns.y, free, BLOCK_Y, turned & 2);
+        *after_z = cells_after(z, columns.z, free, BLOCK_Z, turned & 4);
         return UNIFORM | (near & INSIDE_STATE);
     }
 #endif
@@ -303,6 +307,7 @@ __kernel void march(
 #if STATES
         const longs at = index & going;
         const longs near = LOOK_UP(distances, at);
+        /* Some of these cells may be beyond the grid; they are narrow enough that moments fit. */
         const longs uniform = WHERE(near != 0), after = (near & FREE) - 1;
         const longs after_x = after, after_y = after, after_z = after;
         const longs filled = WHERE((near & INSIDE_STATE) != 0);
@@ -314,9 +319,9 @@ __kernel void march(
         for (int lane = 0; lane < WIDTH; ++lane) {
             if (fresh_of[lane])
                 state_in[lane] = state_of(
-                    MODEL_ARGUMENTS, blocks, distances, (int)x_of[lane], (int)y_of[lane],
-                    (int)z_of[lane], (int)turned_of[lane], after_in_x + lane, after_in_y + lane,
-                    after_in_z + lane);
+                    MODEL_ARGUMENTS, columns, blocks, distances, (int)x_of[lane],
+                    (int)y_of[lane], (int)z_of[lane], (int)turned_of[lane], after_in_x + lane,
+                    after_in_y + lane, after_in_z + lane);
         }
         const longs state = LOAD(state_in), after_x = LOAD(after_in_x);
         const longs after_y = LOAD(after_in_y), after_z = LOAD(after_in_z);

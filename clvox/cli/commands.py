@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 
 import clvox
+from clvox._files import whole
 from clvox.cli import files
 from clvox.cli.arguments import INFO_RESOLUTION
 from clvox.cli.console import Console
@@ -253,7 +254,7 @@ def mesh_of(model: clvox.VoxelModel, console: Console) -> trimesh.Trimesh:
 
 def write_mesh(made: trimesh.Trimesh, target: Path) -> None:
     """Write a mesh in the format that the suffix names."""
-    with files.whole(target) as partial, partial.open("wb") as file:
+    with whole(target) as partial, partial.open("wb") as file:
         made.export(file, file_type=target.suffix[1:].lower())
 
 
@@ -261,7 +262,7 @@ def write_picture(image: np.ndarray[Any, np.dtype[np.uint8]], target: Path) -> N
     """Write a picture, (h, w, 4), as PNG."""
     from PIL import Image
 
-    with files.whole(target) as partial, partial.open("wb") as file:
+    with whole(target) as partial, partial.open("wb") as file:
         Image.fromarray(image).save(file, format="png")
 
 

@@ -1,13 +1,12 @@
-"""Files that are written: looked at before the work, then written whole or not at all."""
+"""Files that are written: looked at before the work; and how large they are."""
 
 from __future__ import annotations
 
 import errno
 import os
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
+from clvox._files import whole
 from clvox.errors import FormatError
 
 MODELS = (".npz",)
@@ -40,19 +39,6 @@ def writable(path: str | os.PathLike[str], kinds: tuple[str, ...], source: str =
         raise FormatError(f"{target} is the file that is read; write to another one")
     with whole(target, keep=False):
         return target
-
-
-@contextmanager
-def whole(target: Path, *, keep: bool = True) -> Iterator[Path]:
-    """Lend a file beside *target* that takes its place at the end, or is gone after an error."""
-    partial = target.with_name(f"{target.name}.partial")
-    try:
-        partial.touch()
-        yield partial
-        if keep:
-            partial.replace(target)
-    finally:
-        partial.unlink(missing_ok=True)
 
 
 def size_of(path: Path) -> str:

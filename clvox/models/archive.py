@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from clvox._files import whole
 from clvox.device import Session
 from clvox.errors import FormatError, GridError
 from clvox.grid import MAX_SHAPE, Grid, Shape
@@ -153,13 +154,8 @@ def write(path: str | os.PathLike[str], record: dict[str, NDArray[Any]]) -> None
     target = Path(path)
     if target.suffix != ".npz":
         raise FormatError(f"a model is saved as .npz, got {target}")
-    partial = target.with_name(f"{target.name}.partial")
-    try:
-        with partial.open("wb") as file:
-            np.savez_compressed(file, allow_pickle=False, **record)
-        partial.replace(target)
-    finally:
-        partial.unlink(missing_ok=True)
+    with whole(target) as partial, partial.open("wb") as file:
+        np.savez_compressed(file, allow_pickle=False, **record)
 
 
 def read(path: str | os.PathLike[str]) -> dict[str, NDArray[Any]]:

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from clvox._files import whole
 from clvox.camera import Camera
 from clvox.errors import FormatError, GridError
 from clvox.models import VoxelModel
@@ -20,7 +21,7 @@ from clvox.render.image import check_kinds, pixels_of, render
 PAPER = 255, 255, 255
 
 MOST_SECONDS = 655
-"""A frame of a GIF file is shown for less than so long."""
+"""A GIF file shows a frame for less than so long; and frames that are equal are made one."""
 
 
 def turntable(
@@ -46,7 +47,7 @@ def turntable(
     frames : int
         Pictures, at least 2.
     seconds : float
-        How long one turn takes.
+        How long one turn takes: less than 655.
     size : (int, int)
         Columns and rows of pixels.
     **options
@@ -55,7 +56,7 @@ def turntable(
     Raises
     ------
     GridError
-        As `render`, or there are too few frames, or there is no time for them.
+        As `render`, or there are too few frames, or *seconds* are none or too many.
     FormatError
         The file's name does not end in .gif.
     OSError
@@ -70,10 +71,9 @@ def turntable(
         raise FileNotFoundError(errno.ENOENT, "there is no such folder", str(target.parent))
     if isinstance(frames, bool) or not isinstance(frames, int | np.integer) or frames < 2:
         raise GridError(f"frames must be at least 2, an integer, got {frames!r}")
-    if not isinstance(seconds, int | float | np.number) or not 0 < seconds < MOST_SECONDS * frames:
+    if not isinstance(seconds, int | float | np.number) or not 0 < seconds < MOST_SECONDS:
         raise GridError(
-            f"seconds must be a number above 0 and below {MOST_SECONDS * frames}, for {frames} "
-            f"frames, got {seconds!r}"
+            f"seconds must be a number above 0 and below {MOST_SECONDS}, got {seconds!r}"
         )
     check_kinds(model, camera, options.get("material"))
     columns, rows = pixels_of(size)
@@ -95,15 +95,11 @@ def turntable(
         "GIF",
         save_all=True,
         append_images=frames_of[1:],
-        duration=round(1000 * seconds / frames),
+        duration=int(1000 * seconds / frames),
         loop=0,
     )
-    partial = target.with_name(f"{target.name}.partial")
-    try:
+    with whole(target) as partial:
         partial.write_bytes(file.getvalue())
-        partial.replace(target)
-    finally:
-        partial.unlink(missing_ok=True)
 
 
 @dataclass(frozen=True)

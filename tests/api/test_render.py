@@ -485,13 +485,25 @@ def test_turntable_is_an_animation(ball: clvox.VoxelModel, tmp_path: Any) -> Non
         assert pictures.size == (40, 30)
 
 
+def test_turntable_of_equal_pictures_lasts_as_long(tmp_path: Any) -> None:
+    """Pillow makes one frame of them, and adds up how long they are shown."""
+    nothing = clvox.VoxelModel.from_array(
+        np.zeros((4, 4, 4), bool), clvox.Grid((0, 0, 0), 1.0, (4, 4, 4))
+    )
+    path = tmp_path / "nothing.gif"
+    clvox.turntable(nothing, path, frames=64, seconds=654.9, size=(8, 6))
+    with Image.open(path) as pictures:
+        assert getattr(pictures, "n_frames", 1) == 1
+        assert 654_000 < pictures.info["duration"] < 655_000
+
+
 @pytest.mark.parametrize(
     ("options", "message"),
     [
         ({"frames": 1}, "frames must be at least 2, an integer, got 1"),
         ({"frames": 2.5}, "frames must be at least 2, an integer, got 2.5"),
-        ({"seconds": 0}, "seconds must be a number above 0 and below 1310, for 2 frames, got 0"),
-        ({"seconds": 1e9}, "seconds must be a number above 0 and below 1310"),
+        ({"seconds": 0}, "seconds must be a number above 0 and below 655, got 0"),
+        ({"seconds": 655}, "seconds must be a number above 0 and below 655, got 655"),
         ({"size": (0, 0)}, "size must be from 1 to 16384 pixels a side"),
         ({"size": 7}, "size must be two integers"),
         ({"camera": 7}, "camera must be a clvox.Camera, got a int"),

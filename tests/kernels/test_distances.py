@@ -23,6 +23,7 @@ from clvox.ops.raymarch import Pixels, Scene, march, measure_lengths
 from clvox.reference.multilevel import pack_bits
 from clvox.reference.raymarch import block_kinds, brick_crumbs
 from tests.kernels.cases import INTERPRETED
+from tests.kernels.solids import pack
 
 SIZE = 19, 13
 
@@ -162,6 +163,33 @@ def test_starts_change_nothing(session: Session, seed: int, parallel: bool, most
             measure_lengths(session, scene, view, pixels, known).get() for known in (None, beams)
         ]
         np.testing.assert_array_equal(lengths[0], lengths[1])
+
+
+@pytest.mark.parametrize("sides", [((1, 64, 64), (1, 16, 16)), ((1, 64, 64),)])
+@pytest.mark.parametrize("direction", [(-1, -0.9, -0.8), (1, 0.8, -0.9), (-0.2, 1, 0.7)])
+def test_blocks_of_unequal_sides_change_nothing(
+    session: Session, sides: tuple[Shape, ...], direction: tuple[float, float, float]
+) -> None:
+    """So many free blocks along one axis are a thousand times as far as the grid along another."""
+    voxels = np.zeros((40, 40, 64), bool)
+    voxels[5:33, 7:38, 58:63] = True
+    voxels[12:30, 9:31, 1:3] = True
+    arrays, grid = pack(session, voxels, sides), Grid((0, 0, 0), 1.0, (64, 40, 40))
+    distances = measure_distances(session, arrays)
+    assert distances.shape == (64, 1, 1)
+    assert (distances.values.get() & 127).max() > 20
+    view = Camera.around(grid, direction=direction, parallel=True).view(grid, SIZE)
+    scene, pixels = Scene(arrays, grid.spacing), Pixels.whole(SIZE)
+    beams = find_beams(session, distances, arrays, view.rays, SIZE)
+    first, second = (
+        march(session, scene, view, pixels, known).voxels.get() for known in (None, beams)
+    )
+    assert 0.05 < (first[:, 0] >= 0).mean() < 0.9
+    np.testing.assert_array_equal(first[:, :3], second[:, :3])
+    one, other = (
+        measure_lengths(session, scene, view, pixels, known).get() for known in (None, beams)
+    )
+    np.testing.assert_array_equal(one, other)
 
 
 @pytest.mark.skipif(INTERPRETED, reason="its kernels are looked at by the other tests")

@@ -16,6 +16,7 @@ from clvox.device import Session
 from clvox.errors import GridError
 from clvox.grid import Grid, Shape
 from clvox.ops import raymarch
+from clvox.ops.distances import MOST
 from clvox.ops.layout import Cells, VoxelArrays, cell_shape
 from clvox.ops.raymarch import Hits, Pixels, Scene, march, measure_lengths
 from clvox.picture_rays import Plane, Rays, View
@@ -328,7 +329,7 @@ def test_voxels_beyond_the_grid_are_never_met(session: Session) -> None:
 
 
 @given(
-    shape=st.tuples(*[st.sampled_from([1, 7, 512, 131071])] * 3),
+    shape=st.tuples(*[st.sampled_from([1, 7, 64, 512, 131071])] * 3),
     spacing=st.tuples(*[st.sampled_from([0.01, 1.0, 5.0])] * 3),
     direction=st.tuples(*[st.floats(-1, 1)] * 3).filter(lambda d: max(map(abs, d)) > 1e-3),
     size=st.sampled_from([(1, 1), (3840, 2160), (32768, 2), (2, 32768)]),
@@ -342,7 +343,7 @@ def test_moments_fit_into_64_bits(
     size: tuple[int, int],
     parallel: bool,
 ) -> None:
-    """Of every ray that is followed, at all planes of the grid and of a cell beyond it."""
+    """Of every ray that is followed, at all planes of the grid and of cells beyond it."""
     up = (0.3, 0.5, 0.7)
     if np.linalg.norm(np.cross(direction, up)) < 1e-2:
         up = (0.7, 0.5, 0.3)
@@ -372,6 +373,8 @@ def test_moments_fit_into_64_bits(
         assert abs(middle >> rays.fraction) < rays.reach
     for axis in range(3):
         others = [max(1, part + 1) for other, part in enumerate(widest) if other != axis]
-        # A place, mirrored or not, and the planes of the padded grid and of one more cell.
-        farthest = rays.reach + ((shape[axis] + 3 * 64) << rays.bits)
+        # A place, mirrored or not, and the planes of the padded grid and of one more cell; or of as
+        # many cells as a ray may pass at once, which the longest axis has.
+        beyond = 64 * max(3, min(max(shape), MOST))
+        farthest = rays.reach + ((shape[axis] + beyond) << rays.bits)
         assert farthest * others[0] * others[1] < 2**63
