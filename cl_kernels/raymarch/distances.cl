@@ -60,8 +60,8 @@ __kernel void fill(
 
 /* One work-item puts together what is known of one of `count` blocks, from how far the next one is
  * that is not empty, and that is not inside (raymarch/states.h); at most `most`, how many blocks
- * the grid is long.  Along an axis with fewer, or wider ones, a ray that goes on so far would be far
- * beyond the grid: march.cl says what keeps its moments within 64 bits. */
+ * the grid is long.  Along an axis with fewer, or wider ones, so many may be far beyond the grid:
+ * march.cl says what keeps a ray's moments within 64 bits. */
 __kernel void join(
     const ulong count, const uint most, const __global uchar *restrict outer,
     const __global uchar *restrict inner, __global uchar *restrict distances)
