@@ -27,7 +27,8 @@
 #include "crossings/sinks.h"
 
 #define CUBIC_BRICKS(side) (BRICK_X == side && BRICK_Y == side && BRICK_Z == side)
-#if SINK == BRICKS && WIDE && EDGE_BITS == 32 && DIRECT <= 1 << 12 && (CUBIC_BRICKS(4) || CUBIC_BRICKS(8))
+#if SINK == BRICKS && WIDE && EDGE_BITS == 32 && DIRECT <= 1 << 12 \
+    && (CUBIC_BRICKS(4) || CUBIC_BRICKS(8))
 #include "crossings/patches.h"
 #else
 #include "crossings/rasterise.h"

@@ -160,9 +160,9 @@ static void flip_outside(Sink *sink, const ulong id, const uint bits)
     }
 }
 
-/* Two words, of which `bits` has the first in its lower half: by one 64-bit atomic, where the device
- * has it.  Bricks of two words are then changed by such atomics only, since atomics of different
- * widths on one place are undefined. */
+/* Two words, of which `bits` has the first in its lower half: by one 64-bit atomic, where the
+ * device has it.  Bricks of two words are then changed by such atomics only, since atomics of
+ * different widths on one place are undefined. */
 #if defined(cl_khr_int64_extended_atomics) && BRICK_WORDS == 2
 #pragma OPENCL EXTENSION cl_khr_int64_extended_atomics : enable
 #define FLIPS_PAIRS 1

@@ -17,6 +17,7 @@ from clvox._files import whole
 from clvox.device import Session
 from clvox.errors import FormatError, GridError
 from clvox.grid import MAX_SHAPE, Grid, Shape
+from clvox.models.levels import MOST_SIDE
 from clvox.ops.layout import Cells, VoxelArrays, cell_shape, words_for
 from clvox.ops.multilevel import RANK_WORDS
 
@@ -95,6 +96,10 @@ def unpack(session: Session, record: dict[str, NDArray[Any]]) -> tuple[Grid, Vox
     if levels.max() > MAX_SHAPE:
         raise FormatError(f"levels {levels.tolist()} are larger than any grid")
     counts, *bricks = (_triple(level) for level in levels)
+    if any(max(brick) > MOST_SIDE for brick in bricks):
+        raise FormatError(
+            f"levels {levels.tolist()}: a brick has 1 to {MOST_SIDE} cells or voxels a side"
+        )
     needed = shape
     for brick in reversed(bricks):
         needed = cell_shape(needed, brick)

@@ -250,6 +250,7 @@ TWO = [
     put("levels", [[4, 4, 2], [-8, 8, 8]]),
     put("levels", [[4, 4, 2], [8.0, 8, 8]]),
     put("levels", [[1, 1, 1], [2**31, 2**31, 2**31]]),
+    put("levels", [[1, 1, 1], [65, 25, 12]]),
     alter("levels", lambda a: a[:, :2]),
     alter("boundary", lambda a: a[:-1]),
     alter("boundary", lambda a: a.astype(np.uint64)),

@@ -151,7 +151,9 @@ def tubes(seed: int, shape: Shape) -> Mesh:
         vertices = np.concatenate([vertices, spots @ axes.T + rng.uniform(-37.5, 37.5, 3)])
     lattice = np.rint(vertices * (1 << BITS)).astype(np.int64)
     middle = np.array(shape) << (BITS - 1)
-    return lattice - lattice[rng.integers(len(lattice))] + middle + rng.integers(-128, 128, 3), faces
+    return lattice - lattice[rng.integers(len(lattice))] + middle + rng.integers(
+        -128, 128, 3
+    ), faces
 
 
 def test_a_small_budget_changes_nothing(session: Session) -> None:
